@@ -1,0 +1,2 @@
+//! The command line of zerre.
+fn main() {}

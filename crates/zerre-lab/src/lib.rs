@@ -1,0 +1,1 @@
+//! Scenarios, metrics, studies and reports.

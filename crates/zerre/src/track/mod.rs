@@ -1,0 +1,5 @@
+//! Many targets: plots in, tracks out.
+
+mod plot;
+
+pub use plot::{Plot, Reading};
