@@ -2,6 +2,9 @@
 
 pub mod error;
 pub mod filter;
+pub mod math;
+pub mod model;
+pub mod rng;
 pub mod time;
 pub mod track;
 
