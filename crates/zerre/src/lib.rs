@@ -1,5 +1,6 @@
 //! Particle filters and their relatives.
 
+pub mod belief;
 pub mod error;
 pub mod filter;
 pub mod math;
