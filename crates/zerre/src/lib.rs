@@ -3,8 +3,10 @@
 pub mod belief;
 pub mod error;
 pub mod filter;
+pub mod kernels;
 pub mod math;
 pub mod model;
+pub mod resample;
 pub mod rng;
 pub mod time;
 pub mod track;

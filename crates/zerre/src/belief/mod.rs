@@ -1,5 +1,7 @@
 //! What is known of a state: values that are copied, saved, compared and replayed.
 
+mod cloud;
 mod gaussian;
 
+pub use cloud::{Cloud, MAX_PARTICLES};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};

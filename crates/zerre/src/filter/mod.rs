@@ -1,5 +1,9 @@
 //! Rules that change beliefs. A filter holds models and settings and never changes; a belief is a value.
 
+mod particle;
+
+pub use particle::{ParticleFilter, Prior, Settings};
+
 use crate::error::Result;
 use crate::rng::Stream;
 use crate::time::Time;

@@ -5,12 +5,14 @@
 //! metres, seconds and radians. A measurement model reads the leading components that it needs and fits every
 //! motion that begins with them.
 
+mod likelihood;
 pub mod measurement;
 pub mod motion;
 
 use crate::error::Result;
 use crate::math::Real;
 use crate::time::Time;
+pub use likelihood::Likelihood;
 
 /// How the state moves: x_k = f(x_{k-1}, w_k), with `N` state components and `W` noise components.
 ///

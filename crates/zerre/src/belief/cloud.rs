@@ -1,0 +1,317 @@
+//! A cloud of weighted particles, in columns.
+
+use crate::belief::Gaussian;
+use crate::error::{Error, Result};
+use crate::kernels::{BLOCK, BlockSums, Total};
+use crate::math::{Matrix, Real};
+use crate::resample::Scratch;
+use crate::rng::Stream;
+use crate::time::Time;
+use serde::{Deserialize, Serialize};
+
+/// `n` weighted particles of `N` state components, stored as columns.
+///
+/// After a step that resampled, the cloud still shows the weighted particles before resampling (they estimate
+/// better); the survivors are kept as indices and gathered when the next step moves them.
+#[derive(Clone, Debug)]
+pub struct Cloud<const N: usize> {
+    pub(crate) time: Time,
+    pub(crate) stream: Stream,
+    pub(crate) step: u64,
+    /// `states[k][i]`: component k of particle i.
+    pub(crate) states: [Vec<f64>; N],
+    /// Log-weights up to a common constant; of no meaning while `equal`.
+    pub(crate) log_weights: Vec<f64>,
+    /// Whether all weights are equal as they enter the next step.
+    pub(crate) equal: bool,
+    /// ln of the sum of the weights that enter the next step.
+    pub(crate) log_sum: f64,
+    /// Weights of the last update, each block relative to its own maximum; empty until the first update.
+    pub(crate) weights: Vec<f64>,
+    pub(crate) blocks: Vec<BlockSums<N>>,
+    /// Survivors of the last resampling that are not gathered yet.
+    pub(crate) ancestors: Vec<u32>,
+    pub(crate) pending: bool,
+    /// The other half of two buffers, and the memory that steps use again and again.
+    pub(crate) spare: [Vec<f64>; N],
+    pub(crate) scores: Vec<f64>,
+    pub(crate) scratch: Scratch,
+}
+
+/// Most particles that a cloud holds: indices and random counters are 32 bits wide.
+pub const MAX_PARTICLES: usize = 1 << 26;
+
+impl<const N: usize> Cloud<N> {
+    /// Equally weighted particles from columns: `states[k][i]` is component `k` of particle `i`.
+    ///
+    /// # Errors
+    /// Columns of different lengths, none or too many particles, a number that is not finite.
+    pub fn from_columns(at: Time, stream: Stream, states: [Vec<f64>; N]) -> Result<Self> {
+        let n = states.first().map_or(0, Vec::len);
+        if n == 0 || n > MAX_PARTICLES {
+            return Err(Error::OutOfRange {
+                what: "number of particles",
+                value: n as f64,
+                needs: "it must lie between 1 and 2^26",
+            });
+        }
+        for column in &states {
+            if column.len() != n {
+                return Err(Error::Shape { what: "particles in a column", found: column.len(), expected: n });
+            }
+            for &x in column {
+                Error::finite("state of a particle", x)?;
+            }
+        }
+        Ok(Cloud {
+            time: at,
+            stream,
+            step: 0,
+            log_weights: vec![0.0; n],
+            equal: true,
+            log_sum: Real::ln(n as f64),
+            weights: vec![1.0; n],
+            blocks: uniform_blocks(&states),
+            ancestors: vec![0; n],
+            pending: false,
+            spare: std::array::from_fn(|_| vec![0.0; n]),
+            scores: vec![0.0; n],
+            scratch: Scratch::default(),
+            states,
+        })
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.log_weights.len()
+    }
+
+    /// Never true: a cloud has at least one particle.
+    pub fn is_empty(&self) -> bool {
+        self.log_weights.is_empty()
+    }
+
+    /// Time of the belief.
+    pub fn time(&self) -> Time {
+        self.time
+    }
+
+    /// Component `k` of all particles, in the units of the model.
+    pub fn column(&self, k: usize) -> &[f64] {
+        &self.states[k]
+    }
+
+    /// State of particle `i`.
+    pub fn particle(&self, i: usize) -> [f64; N] {
+        std::array::from_fn(|k| self.states[k][i])
+    }
+
+    /// Normalised weights, in the order of the particles.
+    pub fn weights(&self) -> impl Iterator<Item = f64> + '_ {
+        let total = Total::of(&self.blocks);
+        self.weights.chunks(BLOCK).zip(&self.blocks).flat_map(move |(weights, block)| {
+            let share = block.factor(total.max) / total.sum;
+            weights.iter().map(move |w| w * share)
+        })
+    }
+
+    /// Effective sample size 1 / sum w^2.
+    pub fn ess(&self) -> f64 {
+        let total = Total::of(&self.blocks);
+        total.sum * total.sum / total.sum_squares
+    }
+
+    /// Weighted mean.
+    pub fn mean(&self) -> [f64; N] {
+        let total = Total::of(&self.blocks);
+        total.sum_states.map(|s| s / total.sum)
+    }
+
+    /// Weighted covariance about the mean, `N` x `N` (divided by the sum of the weights).
+    pub fn covariance(&self) -> Matrix<N, N> {
+        let mean = self.mean();
+        let mut sums = Matrix::<N, N>::from_entries(|_, _| 0.0);
+        for (i, w) in self.weights().enumerate() {
+            let d: [f64; N] = std::array::from_fn(|k| self.states[k][i] - mean[k]);
+            for r in 0..N {
+                let wd = w * d[r];
+                for c in 0..=r {
+                    sums.0[r][c] += wd * d[c];
+                }
+            }
+        }
+        Matrix::from_entries(|r, c| if c <= r { sums.0[r][c] } else { sums.0[c][r] })
+    }
+
+    /// Mean and covariance as a Gaussian.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] for a cloud without spread (fewer than `N` + 1 distinct particles).
+    pub fn gaussian(&self) -> Result<Gaussian<N>> {
+        Gaussian::new(self.mean(), self.covariance())
+    }
+
+    /// The heaviest particle; the first one of several.
+    pub fn max_weight(&self) -> [f64; N] {
+        let heaviest =
+            self.weights().enumerate().fold((0, -1.0), |best, (i, w)| if w > best.1 { (i, w) } else { best });
+        self.particle(heaviest.0)
+    }
+
+    /// Weighted mean of the heaviest `share` of the particles (0.1: the best tenth), at least one.
+    ///
+    /// # Errors
+    /// `share` outside (0, 1].
+    pub fn robust_mean(&self, share: f64) -> Result<[f64; N]> {
+        if !(share > 0.0 && share <= 1.0) {
+            return Err(Error::OutOfRange {
+                what: "share of the particles",
+                value: share,
+                needs: "it must lie in (0, 1]",
+            });
+        }
+        let mut order: Vec<(f64, usize)> = self.weights().enumerate().map(|(i, w)| (w, i)).collect();
+        // Ties by index: the result must not depend on how the sort treats equals.
+        order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        order.truncate(((share * self.len() as f64).ceil() as usize).max(1));
+        let (mut sum, mut mean) = (0.0, [0.0; N]);
+        for &(w, i) in &order {
+            sum += w;
+            for k in 0..N {
+                mean[k] += w * self.states[k][i];
+            }
+        }
+        Ok(mean.map(|m| m / sum))
+    }
+
+    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`.
+    ///
+    /// # Errors
+    /// A level outside [0, 1].
+    pub fn quantiles<const Q: usize>(&self, k: usize, levels: [f64; Q]) -> Result<[f64; Q]> {
+        for &level in &levels {
+            if !(0.0..=1.0).contains(&level) {
+                return Err(Error::OutOfRange {
+                    what: "level of a quantile",
+                    value: level,
+                    needs: "it must lie in [0, 1]",
+                });
+            }
+        }
+        let mut sorted: Vec<(f64, f64)> = self.states[k].iter().copied().zip(self.weights()).collect();
+        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut cumulative = 0.0;
+        for (_, w) in &mut sorted {
+            cumulative += *w;
+            *w = cumulative;
+        }
+        Ok(levels.map(|level| {
+            let at = sorted.partition_point(|&(_, c)| c < level * cumulative).min(sorted.len() - 1);
+            sorted[at].0
+        }))
+    }
+
+    /// An independent continuation: the same particles, other random numbers from here on.
+    #[must_use]
+    pub fn fork(&self, label: u64) -> Self {
+        Cloud { stream: self.stream.fork(label), ..self.clone() }
+    }
+
+    /// Sums over all blocks of the last update.
+    pub(crate) fn total(&self) -> Total<N> {
+        Total::of(&self.blocks)
+    }
+}
+
+/// Block sums of equal weights.
+fn uniform_blocks<const N: usize>(states: &[Vec<f64>; N]) -> Vec<BlockSums<N>> {
+    let n = states.first().map_or(0, Vec::len);
+    (0..n.div_ceil(BLOCK))
+        .map(|b| {
+            let range = b * BLOCK..((b + 1) * BLOCK).min(n);
+            let count = range.len() as f64;
+            let sum_states = std::array::from_fn(|k| states[k][range.clone()].iter().sum());
+            BlockSums { max: 0.0, sum: count, sum_squares: count, sum_states }
+        })
+        .collect()
+}
+
+/// What of a cloud is saved; the rest follows from it.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    time: Time,
+    stream: Stream,
+    step: u64,
+    states: Vec<Vec<f64>>,
+    log_weights: Option<Vec<f64>>,
+    log_sum: f64,
+    weights: Vec<f64>,
+    blocks: Vec<(f64, f64, f64, Vec<f64>)>,
+    survivors: Option<Vec<u32>>,
+}
+
+impl<const N: usize> Serialize for Cloud<N> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Saved {
+            time: self.time,
+            stream: self.stream,
+            step: self.step,
+            states: self.states.to_vec(),
+            log_weights: (!self.equal).then(|| self.log_weights.clone()),
+            log_sum: self.log_sum,
+            weights: self.weights.clone(),
+            blocks: self
+                .blocks
+                .iter()
+                .map(|b| (b.max, b.sum, b.sum_squares, b.sum_states.to_vec()))
+                .collect(),
+            survivors: self.pending.then(|| self.ancestors.clone()),
+        }
+        .serialize(serializer)
+    }
+}
+
+impl<'de, const N: usize> Deserialize<'de> for Cloud<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let saved = Saved::deserialize(deserializer)?;
+        Cloud::restore(saved).map_err(serde::de::Error::custom)
+    }
+}
+
+impl<const N: usize> Cloud<N> {
+    fn restore(saved: Saved) -> Result<Self> {
+        let shape = |what, found, expected| {
+            if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
+        };
+        shape("columns of a saved cloud", saved.states.len(), N)?;
+        let mut columns = saved.states.into_iter();
+        let states = std::array::from_fn(|_| columns.next().unwrap_or_default());
+        let mut cloud = Cloud::from_columns(saved.time, saved.stream, states)?;
+        let n = cloud.len();
+        shape("weights of a saved cloud", saved.weights.len(), n)?;
+        shape("blocks of a saved cloud", saved.blocks.len(), n.div_ceil(BLOCK))?;
+        for (block, (max, sum, sum_squares, sums)) in cloud.blocks.iter_mut().zip(saved.blocks) {
+            shape("sums of a saved block", sums.len(), N)?;
+            let mut sums = sums.into_iter();
+            let sum_states = std::array::from_fn(|_| sums.next().unwrap_or_default());
+            *block = BlockSums { max, sum, sum_squares, sum_states };
+        }
+        if let Some(log_weights) = saved.log_weights {
+            shape("log-weights of a saved cloud", log_weights.len(), n)?;
+            (cloud.log_weights, cloud.equal) = (log_weights, false);
+        }
+        if let Some(survivors) = saved.survivors {
+            shape("survivors of a saved cloud", survivors.len(), n)?;
+            if let Some(&bad) = survivors.iter().find(|&&a| a as usize >= n) {
+                return Err(Error::Shape {
+                    what: "index of a survivor",
+                    found: bad as usize,
+                    expected: n - 1,
+                });
+            }
+            (cloud.ancestors, cloud.pending) = (survivors, true);
+        }
+        (cloud.step, cloud.log_sum, cloud.weights) = (saved.step, saved.log_sum, saved.weights);
+        Ok(cloud)
+    }
+}

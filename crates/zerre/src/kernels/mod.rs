@@ -1,0 +1,32 @@
+//! The inner loops: the only place with SIMD, threads and `unsafe`. Every kernel has a naive twin, which is the
+//! scalar level, and gives the same bits on every level and for any number of threads.
+//!
+//! Particles are processed in fixed blocks of [`BLOCK`]; sums are kept in eight lanes inside a block, folded in a
+//! fixed order, and merged in the order of the blocks.
+
+#[macro_use]
+mod level;
+mod noise;
+mod philox;
+mod pool;
+mod propagate;
+mod resample;
+mod score;
+mod weigh;
+
+pub use level::Simd;
+pub use noise::{Generator, NoiseSource, Resolution};
+pub use pool::Threads;
+
+pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
+pub(crate) use pool::SharedColumns;
+pub(crate) use propagate::{gather, propagate};
+pub(crate) use resample::{Cumulative, Positions, fill_sorted, merge_sorted, prefix_sums, put};
+pub(crate) use score::score;
+pub(crate) use weigh::{BlockSums, Total, weigh};
+
+/// Particles per block: small enough that states, noise and weights of a block stay in the first-level cache.
+pub const BLOCK: usize = 256;
+
+/// Particles per SIMD operation, on every level.
+pub(crate) const LANES: usize = 8;

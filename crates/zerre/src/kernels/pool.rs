@@ -1,0 +1,85 @@
+//! Threads over blocks.
+
+use rayon::prelude::*;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// Who computes the blocks of a step. The number of threads never changes a result.
+#[derive(Clone, Default)]
+pub enum Threads {
+    /// The calling thread alone.
+    #[default]
+    Serial,
+    /// A pool that the caller owns; steps with few blocks stay on the calling thread.
+    Pool(Arc<rayon::ThreadPool>),
+}
+
+/// Blocks that one task takes at least: below this, handing work over costs more than doing it.
+const MIN_BLOCKS_PER_TASK: usize = 8;
+
+impl Threads {
+    /// `count` threads; 0 or 1 is the calling thread.
+    ///
+    /// # Errors
+    /// The operating system refuses threads.
+    pub fn new(count: usize) -> Result<Threads, rayon::ThreadPoolBuildError> {
+        if count <= 1 {
+            return Ok(Threads::Serial);
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build()?;
+        Ok(Threads::Pool(Arc::new(pool)))
+    }
+
+    /// Runs `work(block, &mut results[block])` for every block.
+    pub(crate) fn for_each_block<T: Send>(&self, results: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+        match self {
+            Threads::Pool(pool) if results.len() >= 2 * MIN_BLOCKS_PER_TASK => pool.install(|| {
+                results
+                    .par_iter_mut()
+                    .with_min_len(MIN_BLOCKS_PER_TASK)
+                    .enumerate()
+                    .for_each(|(block, result)| work(block, result));
+            }),
+            _ => results.iter_mut().enumerate().for_each(|(block, result)| work(block, result)),
+        }
+    }
+}
+
+impl std::fmt::Debug for Threads {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Threads::Serial => write!(f, "Serial"),
+            Threads::Pool(pool) => write!(f, "Pool({})", pool.current_num_threads()),
+        }
+    }
+}
+
+/// `K` slices of equal length that several threads write in disjoint ranges.
+pub(crate) struct SharedColumns<'a, T, const K: usize> {
+    start: [*mut T; K],
+    len: usize,
+    lifetime: PhantomData<&'a mut [T]>,
+}
+
+// SAFETY: the pointers come from exclusive borrows of `Send` data; `range` hands out a part to one thread at a time
+// by its contract.
+unsafe impl<T: Send, const K: usize> Sync for SharedColumns<'_, T, K> {}
+
+impl<'a, T, const K: usize> SharedColumns<'a, T, K> {
+    pub(crate) fn new(columns: [&'a mut [T]; K]) -> Self {
+        let len = columns.first().map_or(0, |c| c.len());
+        assert!(columns.iter().all(|c| c.len() == len), "columns of different lengths");
+        SharedColumns { start: columns.map(|c| c.as_mut_ptr()), len, lifetime: PhantomData }
+    }
+
+    /// The columns from `from` to `to`.
+    ///
+    /// # Safety
+    /// No two live results may overlap.
+    #[allow(clippy::mut_from_ref, reason = "disjointness is the caller's contract")]
+    pub(crate) unsafe fn range(&self, from: usize, to: usize) -> [&mut [T]; K] {
+        assert!(from <= to && to <= self.len);
+        // SAFETY: inside the borrowed slices, and not aliased by the contract above.
+        self.start.map(|p| unsafe { std::slice::from_raw_parts_mut(p.add(from), to - from) })
+    }
+}

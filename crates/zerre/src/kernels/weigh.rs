@@ -1,0 +1,191 @@
+//! From log-weights to weights, sums and the mean in one visit per block, relative to the block's own maximum; the
+//! blocks meet afterwards with the factors exp(max_b - max).
+
+use super::{LANES, Simd};
+use crate::math::{Lanes, Real};
+use fearless_simd::Simd as Token;
+
+/// What a block adds to the whole, relative to its largest log-weight.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlockSums<const N: usize> {
+    /// Largest log-weight; -inf if all weights are zero.
+    pub(crate) max: f64,
+    /// Sum of w = exp(log-weight - max).
+    pub(crate) sum: f64,
+    /// Sum of w^2.
+    pub(crate) sum_squares: f64,
+    /// Sums of w x.
+    pub(crate) sum_states: [f64; N],
+}
+
+impl<const N: usize> Default for BlockSums<N> {
+    fn default() -> Self {
+        BlockSums { max: f64::NEG_INFINITY, sum: 0.0, sum_squares: 0.0, sum_states: [0.0; N] }
+    }
+}
+
+/// Sums over all blocks, relative to the largest log-weight of all.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Total<const N: usize> {
+    pub(crate) max: f64,
+    pub(crate) sum: f64,
+    pub(crate) sum_squares: f64,
+    pub(crate) sum_states: [f64; N],
+}
+
+impl<const N: usize> Total<N> {
+    /// Merges blocks in their order.
+    pub(crate) fn of(blocks: &[BlockSums<N>]) -> Self {
+        let max = blocks.iter().map(|b| b.max).fold(f64::NEG_INFINITY, f64::max);
+        let mut total = Total { max, sum: 0.0, sum_squares: 0.0, sum_states: [0.0; N] };
+        for b in blocks {
+            let f = b.factor(max);
+            total.sum += f * b.sum;
+            total.sum_squares += f * f * b.sum_squares;
+            for k in 0..N {
+                total.sum_states[k] += f * b.sum_states[k];
+            }
+        }
+        total
+    }
+
+    /// ln of the sum of all weights.
+    pub(crate) fn log_sum(&self) -> f64 {
+        self.max + Real::ln(self.sum)
+    }
+}
+
+impl<const N: usize> BlockSums<N> {
+    /// What turns the block's weights into weights relative to `max`.
+    pub(crate) fn factor(&self, max: f64) -> f64 {
+        if self.max == f64::NEG_INFINITY { 0.0 } else { Real::exp(self.max - max) }
+    }
+}
+
+/// Adds `log_weights` (where given) to `scores`, writes exp(score - max) to `weights`, and sums up.
+pub(crate) fn weigh<const N: usize>(
+    level: Simd,
+    log_weights: Option<&[f64]>,
+    scores: &mut [f64],
+    states: &[&[f64]; N],
+    weights: &mut [f64],
+) -> BlockSums<N> {
+    dispatch!(
+        level,
+        simd => run(simd, log_weights, scores, states, weights),
+        naive => naive(log_weights, scores, states, weights)
+    )
+}
+
+fn naive<const N: usize>(
+    log_weights: Option<&[f64]>,
+    scores: &mut [f64],
+    states: &[&[f64]; N],
+    weights: &mut [f64],
+) -> BlockSums<N> {
+    if let Some(old) = log_weights {
+        scores.iter_mut().zip(old).for_each(|(score, old)| *score += old);
+    }
+    let max = scores.iter().copied().fold(f64::NEG_INFINITY, |max, s| if max < s { s } else { max });
+    let mut lanes = [(0.0, 0.0, [0.0; N]); LANES];
+    for i in 0..scores.len() {
+        let w = if max == f64::NEG_INFINITY { 0.0 } else { Real::exp(scores[i] - max) };
+        weights[i] = w;
+        let (sum, sum_squares, sum_states) = &mut lanes[i % LANES];
+        *sum += w;
+        *sum_squares = w.mul_add(w, *sum_squares);
+        for k in 0..N {
+            sum_states[k] = w.mul_add(states[k][i], sum_states[k]);
+        }
+    }
+    let fold = |part: &dyn Fn(&(f64, f64, [f64; N])) -> f64| {
+        fold_array(std::array::from_fn(|j| part(&lanes[j])), |a, b| a + b)
+    };
+    BlockSums {
+        max,
+        sum: fold(&|l| l.0),
+        sum_squares: fold(&|l| l.1),
+        sum_states: std::array::from_fn(|k| fold(&|l| l.2[k])),
+    }
+}
+
+#[inline(always)]
+fn run<const N: usize, S: Token>(
+    simd: S,
+    log_weights: Option<&[f64]>,
+    scores: &mut [f64],
+    states: &[&[f64]; N],
+    weights: &mut [f64],
+) -> BlockSums<N> {
+    let count = scores.len();
+    let whole = count / LANES * LANES;
+    let none = Lanes::splat(simd, f64::NEG_INFINITY);
+
+    // Four independent maxima hide the latency; the maximum does not depend on the order.
+    let mut max = [none; 4];
+    for i in (0..whole).step_by(LANES) {
+        let mut l = Lanes::load(simd, &scores[i..i + LANES]);
+        if let Some(old) = log_weights {
+            l = l + Lanes::load(simd, &old[i..i + LANES]);
+            l.store(&mut scores[i..i + LANES]);
+        }
+        max[i / LANES % 4] = max[i / LANES % 4].max(l);
+    }
+    let mut tail = [f64::NEG_INFINITY; LANES];
+    if whole < count {
+        if let Some(old) = log_weights {
+            for i in whole..count {
+                scores[i] += old[i];
+            }
+        }
+        tail[..count - whole].copy_from_slice(&scores[whole..]);
+    }
+    let tail = Lanes::load(simd, &tail);
+    let max = max[0].max(max[1]).max(max[2].max(max[3])).max(tail);
+    let max = fold(max, f64::max);
+    if max == f64::NEG_INFINITY {
+        weights.fill(0.0);
+        return BlockSums { max, ..BlockSums::default() };
+    }
+
+    let zero = Lanes::splat(simd, 0.0);
+    let (mut sum, mut sum_squares, mut sum_states) = (zero, zero, [zero; N]);
+    for i in (0..whole).step_by(LANES) {
+        let w = (Lanes::load(simd, &scores[i..i + LANES]) - max).exp();
+        w.store(&mut weights[i..i + LANES]);
+        sum = sum + w;
+        sum_squares = w.mul_add(w, sum_squares);
+        for k in 0..N {
+            sum_states[k] = w.mul_add(Lanes::load(simd, &states[k][i..i + LANES]), sum_states[k]);
+        }
+    }
+    if whole < count {
+        let w = (tail - max).exp();
+        super::propagate::store_part(w, &mut weights[whole..]);
+        sum = sum + w;
+        sum_squares = w.mul_add(w, sum_squares);
+        for k in 0..N {
+            sum_states[k] = w.mul_add(super::propagate::load_part(simd, &states[k][whole..]), sum_states[k]);
+        }
+    }
+    let add = |a, b| a + b;
+    BlockSums {
+        max,
+        sum: fold(sum, add),
+        sum_squares: fold(sum_squares, add),
+        sum_states: sum_states.map(|s| fold(s, add)),
+    }
+}
+
+/// Combines eight lanes in the order ((0 4) (2 6)) ((1 5) (3 7)).
+#[inline(always)]
+fn fold<S: Token>(lanes: Lanes<S>, op: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut a = [0.0; LANES];
+    lanes.store(&mut a);
+    fold_array(a, op)
+}
+
+#[inline(always)]
+fn fold_array(a: [f64; LANES], op: impl Fn(f64, f64) -> f64) -> f64 {
+    op(op(op(a[0], a[4]), op(a[2], a[6])), op(op(a[1], a[5]), op(a[3], a[7])))
+}

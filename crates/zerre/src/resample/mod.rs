@@ -1,0 +1,270 @@
+//! Resampling: `n` weighted particles become `m` equally weighted ones.
+
+use crate::error::{Error, Result};
+use crate::kernels::{
+    BLOCK, BlockSums, Cumulative, Positions, SharedColumns, Simd, Threads, fill_sorted, fill_uniforms,
+    merge_sorted, prefix_sums, put, to_exponentials,
+};
+use crate::rng::{Purpose, Stream};
+use serde::{Deserialize, Serialize};
+
+/// How the ancestors are drawn. All give particle i on average m w_i copies; they differ in the spread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Resampling {
+    /// Independent draws: the largest spread (Gordon, Salmond and Smith, 1993).
+    Multinomial,
+    /// floor(m w_i) copies for sure, the rest multinomial (Liu and Chen, 1998).
+    Residual,
+    /// One draw in each of m equal strata (Kitagawa, 1996).
+    Stratified,
+    /// The same place in each of m equal strata (Carpenter, Clifford and Fearnhead, 1999): least work, small spread.
+    #[default]
+    Systematic,
+}
+
+/// When a particle filter resamples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Trigger {
+    /// Never: sequential importance sampling.
+    Never,
+    /// After every measurement.
+    Always,
+    /// When the effective sample size falls below this fraction of the number of particles.
+    Below(f64),
+}
+
+impl Default for Trigger {
+    fn default() -> Self {
+        Trigger::Below(0.5)
+    }
+}
+
+impl Trigger {
+    /// Whether `n` particles of effective sample size `ess` are to be resampled.
+    pub fn fires(self, ess: f64, n: usize) -> bool {
+        match self {
+            Trigger::Never => false,
+            Trigger::Always => true,
+            Trigger::Below(fraction) => ess < fraction * n as f64,
+        }
+    }
+}
+
+/// Weights in blocks of [`BLOCK`], each relative to its own scale.
+pub(crate) struct BlockWeights<'a> {
+    pub(crate) weights: &'a [f64],
+    /// (factor, sum of the block's weights before the factor), per block.
+    pub(crate) blocks: &'a [(f64, f64)],
+}
+
+/// Memory that resampling uses again and again.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scratch {
+    cumulative: Vec<f64>,
+    positions: Vec<f64>,
+    counts: Vec<u32>,
+    blocks: Vec<(Cumulative, usize)>,
+    pairs: Vec<(f64, f64)>,
+}
+
+/// Who works, and from which numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub(crate) level: Simd,
+    pub(crate) threads: &'a Threads,
+    pub(crate) stream: Stream,
+    pub(crate) step: u64,
+}
+
+impl Resampling {
+    /// Ancestors (indices into `weights`, ascending) of `ancestors.len()` new particles.
+    ///
+    /// `weights` need not be normalised. `step` distinguishes repeated calls with one stream.
+    ///
+    /// # Errors
+    /// A weight that is negative or not finite, or weights that are all zero.
+    pub fn ancestors(self, weights: &[f64], stream: Stream, step: u64, ancestors: &mut [u32]) -> Result<()> {
+        for &w in weights {
+            Error::not_negative("weight", w)?;
+        }
+        let pairs: Vec<_> = weights.chunks(BLOCK).map(|b| (1.0, b.iter().sum())).collect();
+        let total: f64 = pairs.iter().map(|b| b.1).sum();
+        Error::positive("sum of the weights", total)?;
+        let context = Context { level: Simd::best(), threads: &Threads::Serial, stream, step };
+        self.draw(context, BlockWeights { weights, blocks: &pairs }, &mut Scratch::default(), ancestors);
+        Ok(())
+    }
+
+    /// How many copies of each particle `draws` new ones contain.
+    ///
+    /// # Errors
+    /// As [`Resampling::ancestors`].
+    pub fn counts(self, weights: &[f64], stream: Stream, step: u64, draws: usize) -> Result<Vec<u32>> {
+        let mut ancestors = vec![0; draws];
+        self.ancestors(weights, stream, step, &mut ancestors)?;
+        let mut counts = vec![0; weights.len()];
+        for a in ancestors {
+            counts[a as usize] += 1;
+        }
+        Ok(counts)
+    }
+
+    /// The engine's entry: weights by blocks, at least one above zero, all finite. Returns how many particles were
+    /// drawn at least once.
+    pub(crate) fn draw(
+        self,
+        context: Context<'_>,
+        from: BlockWeights<'_>,
+        scratch: &mut Scratch,
+        ancestors: &mut [u32],
+    ) -> usize {
+        match self {
+            Resampling::Systematic => {
+                let offset = context.stream.draws(Purpose::Resample, context.step, 0).uniform();
+                sorted(context, from, Positions::Systematic { offset }, &mut scratch.blocks, ancestors)
+            }
+            Resampling::Stratified => {
+                let mut offsets = std::mem::take(&mut scratch.positions);
+                offsets.resize(ancestors.len() + 1, 1.0);
+                fill_uniforms(context.level, context.stream, context.step, 0, 0, &mut offsets);
+                offsets[ancestors.len()] = 1.0;
+                let positions = Positions::Stratified { offsets: &offsets };
+                let drawn = sorted(context, from, positions, &mut scratch.blocks, ancestors);
+                scratch.positions = offsets;
+                drawn
+            }
+            Resampling::Multinomial => {
+                let total = cumulate(context.level, &from, &mut scratch.cumulative);
+                let scale = total * sorted_uniforms(context, ancestors.len(), &mut scratch.positions);
+                merge_sorted(&scratch.cumulative, &scratch.positions[..ancestors.len()], scale, ancestors);
+                1 + ancestors.windows(2).filter(|pair| pair[0] != pair[1]).count()
+            }
+            Resampling::Residual => residual(context, &from, scratch, ancestors),
+        }
+    }
+}
+
+/// Systematic and stratified resampling, block by block.
+fn sorted(
+    context: Context<'_>,
+    from: BlockWeights<'_>,
+    positions: Positions<'_>,
+    blocks: &mut Vec<(Cumulative, usize)>,
+    ancestors: &mut [u32],
+) -> usize {
+    let draws = ancestors.len();
+    let total: f64 = from.blocks.iter().map(|(factor, sum)| factor * sum).sum();
+    let per_weight = draws as f64 / total;
+    blocks.clear();
+    let (mut before, mut start) = (0.0, 0);
+    for (b, &(factor, sum)) in from.blocks.iter().enumerate() {
+        let after = before + factor * sum;
+        let last = b + 1 == from.blocks.len();
+        let below = if last { draws as u64 } else { positions.below(after, per_weight).min(draws as u64) };
+        let end = (below as u32).max(start);
+        blocks.push((Cumulative { before, factor, draws: (start, end) }, 0));
+        (before, start) = (after, end);
+    }
+    // Trailing blocks without any weight must not inherit positions from rounding.
+    if let Some(heir) = from.blocks.iter().rposition(|&(factor, sum)| factor * sum > 0.0) {
+        blocks[heir].0.draws.1 = draws as u32;
+        for (at, _) in &mut blocks[heir + 1..] {
+            at.draws = (draws as u32, draws as u32);
+        }
+    }
+    let out = SharedColumns::new([ancestors]);
+    context.threads.for_each_block(blocks, |b, (at, drawn)| {
+        let first = b * BLOCK;
+        let weights = &from.weights[first..(first + BLOCK).min(from.weights.len())];
+        // SAFETY: the ranges of draws of different blocks do not overlap.
+        let [part] = unsafe { out.range(at.draws.0 as usize, at.draws.1 as usize) };
+        *drawn = fill_sorted(context.level, weights, first as u32, *at, positions, per_weight, part);
+    });
+    blocks.iter().map(|(_, drawn)| drawn).sum()
+}
+
+/// Cumulative weights of all particles; returns the total.
+fn cumulate(level: Simd, from: &BlockWeights<'_>, out: &mut Vec<f64>) -> f64 {
+    out.resize(from.weights.len(), 0.0);
+    let mut before = 0.0;
+    for ((weights, out), &(factor, _)) in
+        from.weights.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).zip(from.blocks)
+    {
+        before = prefix_sums(level, weights, factor, before, out);
+    }
+    before
+}
+
+/// `count` sorted positions (cumulative exponential spacings); returns the factor that brings them into (0, 1).
+fn sorted_uniforms(context: Context<'_>, count: usize, positions: &mut Vec<f64>) -> f64 {
+    positions.resize(count + 1, 0.0);
+    let mut before = 0.0;
+    for (b, block) in positions.chunks_mut(BLOCK).enumerate() {
+        let mut spacings = [0.0; BLOCK];
+        let spacings = &mut spacings[..block.len()];
+        fill_uniforms(context.level, context.stream, context.step, 0, b * BLOCK, spacings);
+        to_exponentials(context.level, spacings);
+        before = prefix_sums(context.level, spacings, 1.0, before, block);
+    }
+    1.0 / before
+}
+
+/// Residual resampling: whole copies first, multinomial draws on the fractions.
+fn residual(
+    context: Context<'_>,
+    from: &BlockWeights<'_>,
+    scratch: &mut Scratch,
+    ancestors: &mut [u32],
+) -> usize {
+    let draws = ancestors.len();
+    let total: f64 = from.blocks.iter().map(|(factor, sum)| factor * sum).sum();
+    let per_weight = draws as f64 / total;
+    let n = from.weights.len();
+    scratch.counts.resize(n, 0);
+    scratch.cumulative.resize(n, 0.0);
+    // Rounding may make the whole copies one too many in all: the surplus is cut off where it appears.
+    let (mut sum, mut sure) = (0.0, 0);
+    for (b, weights) in from.weights.chunks(BLOCK).enumerate() {
+        let share = from.blocks[b].0 * per_weight;
+        for (i, &w) in weights.iter().enumerate() {
+            let expected = w * share;
+            let whole = (expected as usize).min(draws - sure);
+            sure += whole;
+            sum += expected - whole as f64;
+            scratch.counts[b * BLOCK + i] = whole as u32;
+            scratch.cumulative[b * BLOCK + i] = sum;
+        }
+    }
+    let rest = draws - sure;
+    let scale = sum * sorted_uniforms(context, rest, &mut scratch.positions);
+    let extra = &mut ancestors[..rest];
+    merge_sorted(&scratch.cumulative, &scratch.positions[..rest], scale, extra);
+    for &a in extra.iter() {
+        scratch.counts[a as usize] += 1;
+    }
+    let (mut start, mut drawn) = (0, 0);
+    for (i, &count) in scratch.counts.iter().enumerate() {
+        let end = start + count as usize;
+        drawn += usize::from(count > 0);
+        put(ancestors, start, end, i as u32);
+        start = end;
+    }
+    drawn
+}
+
+impl Scratch {
+    /// Block factors and sums as [`BlockWeights`] wants them.
+    pub(crate) fn pairs<const N: usize>(&mut self, blocks: &[BlockSums<N>], max: f64) -> Vec<(f64, f64)> {
+        let mut pairs = std::mem::take(&mut self.pairs);
+        pairs.clear();
+        pairs.extend(blocks.iter().map(|b| (b.factor(max), b.sum)));
+        pairs
+    }
+
+    /// Gives the memory of [`Scratch::pairs`] back.
+    pub(crate) fn return_pairs(&mut self, pairs: Vec<(f64, f64)>) {
+        self.pairs = pairs;
+    }
+}
