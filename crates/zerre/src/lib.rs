@@ -6,6 +6,7 @@ pub mod filter;
 pub mod math;
 pub mod model;
 pub mod rng;
+pub mod smooth;
 pub mod time;
 pub mod track;
 

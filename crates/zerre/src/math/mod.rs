@@ -1,13 +1,17 @@
 //! The arithmetic that models are written in: one scalar trait, three kinds of number, and small fixed-size
 //! linear algebra.
 
+mod angle;
+pub mod chi_square;
 mod dual;
 mod elementary;
+pub mod gamma;
 pub mod gaussian;
 mod lanes;
 mod matrix;
 mod real;
 
+pub use angle::wrap;
 pub use dual::Dual;
 pub use elementary::{atan2, exp, ln, sin_cos};
 pub use lanes::Lanes;

@@ -92,4 +92,11 @@ pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
 
     /// R, `M` x `M`, in the units of the components squared.
     fn covariance(&self) -> [[f64; M]; M];
+
+    /// Factor on R that a robust model asks for, given the squared Mahalanobis distance of the innovation; 1 for a
+    /// Gaussian.
+    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
+        let _ = mahalanobis_squared;
+        1.0
+    }
 }

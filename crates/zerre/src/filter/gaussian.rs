@@ -1,0 +1,298 @@
+//! What the Kalman family shares: prediction, gate, gain, Joseph form, evidence. Its members differ in how a
+//! Gaussian goes through a function.
+
+use super::{Filter, Outcome, Update};
+use crate::belief::{Gaussian, GaussianBelief};
+use crate::error::{Error, Result};
+use crate::math::gaussian::log_density;
+use crate::math::{Cholesky, Matrix, chi_square, wrap};
+use crate::model::{GaussianMeasurement, Motion};
+use crate::rng::Stream;
+use crate::time::Time;
+use std::array::from_fn;
+
+/// How a Gaussian goes through a function: exactly ([`Linear`](super::Linear)), by the tangent
+/// ([`Tangent`](super::Tangent)) or by sigma points ([`SigmaPoints`](super::SigmaPoints)).
+pub trait Transform: Send + Sync {
+    /// The law of f(x, w).
+    ///
+    /// # Errors
+    /// A result that is not finite; a model that the transform does not hold for.
+    fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
+        &self,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Gaussian<N>>;
+
+    /// The moments of h(x), without the noise of the measurement.
+    ///
+    /// # Errors
+    /// A model that the transform does not hold for. Numbers that are not finite pass: they make the update
+    /// degenerate.
+    fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
+        &self,
+        measurement: &H,
+        state: &Gaussian<N>,
+    ) -> Result<Observed<N, M>>;
+}
+
+/// Moments of h(x) and what the Joseph form is summed from.
+#[derive(Clone, Copy, Debug)]
+pub struct Observed<const N: usize, const M: usize> {
+    /// E[h(x)].
+    pub(crate) mean: [f64; M],
+    /// Cov[h(x)].
+    pub(crate) covariance: Matrix<M, M>,
+    /// Cov[x, h(x)].
+    pub(crate) cross: Matrix<N, M>,
+    /// Deviations of x and h(x) together.
+    pub(crate) deviations: Deviations<N, M>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Deviations<const N: usize, const M: usize> {
+    /// h(x) deviates by the Jacobian times the deviation of x.
+    Linear(Matrix<M, N>),
+    /// Pairs of points: x deviates by plus and minus `state[j]`, h(x) by `measured[j]`; all weigh the same.
+    Points { weight: f64, state: [[f64; N]; N], measured: [[[f64; M]; 2]; N] },
+}
+
+impl<const N: usize, const M: usize> Observed<N, M> {
+    /// Cov[x - K h(x) - K v], v ~ N(0, R): the posterior covariance as a sum of squares (Joseph form; Bucy and
+    /// Joseph 1968, ch. 16), which rounding cannot make indefinite, for any gain.
+    fn joseph(&self, prior: &Matrix<N, N>, gain: &Matrix<N, M>, noise: &Matrix<M, M>) -> Matrix<N, N> {
+        let kept = match &self.deviations {
+            Deviations::Linear(jacobian) => (Matrix::identity() - *gain * *jacobian).congruence(prior),
+            Deviations::Points { weight, state, measured } => {
+                let mut sum = Matrix::ZERO;
+                for (dx, pair) in state.iter().zip(measured) {
+                    for (sign, dz) in [1.0, -1.0].into_iter().zip(pair) {
+                        let correction = *gain * *dz;
+                        let rest: [f64; N] = from_fn(|i| sign * dx[i] - correction[i]);
+                        sum = sum + Matrix::outer(&rest, &rest) * *weight;
+                    }
+                }
+                sum
+            }
+        };
+        (kept + gain.congruence(noise)).symmetrised()
+    }
+}
+
+/// A Kalman filter of one kind or another: [`Kalman`](super::Kalman), [`Extended`](super::Extended),
+/// [`Unscented`](super::Unscented).
+///
+/// Log-evidence is ln N(nu; 0, S), nu the innovation with its angles wrapped and S its covariance. The outcome is
+/// [`Outcome::Degenerate`] where S is not positive definite or the evidence or the posterior is not finite.
+///
+/// A robust model (one whose [`covariance_scale`](GaussianMeasurement::covariance_scale) is not 1) has R scaled
+/// before gain, evidence and posterior are computed: the factor follows from the distance under S, S from the
+/// factor, three times over. The gate is applied before, with the nominal R.
+#[derive(Clone, Debug)]
+pub struct GaussianFilter<T, A, H, const N: usize, const W: usize, const M: usize> {
+    transform: T,
+    motion: A,
+    measurement: H,
+    prior: Gaussian<N>,
+    gate: Option<f64>,
+}
+
+/// Rounds of the fixed point between the factor on R and the distance.
+const ROBUST_ROUNDS: usize = 3;
+
+impl<T, A, H, const N: usize, const W: usize, const M: usize> GaussianFilter<T, A, H, N, W, M>
+where
+    T: Transform,
+    A: Motion<N, W>,
+    H: GaussianMeasurement<N, M>,
+{
+    pub(crate) fn of(transform: T, motion: A, measurement: H, prior: Gaussian<N>) -> Self {
+        GaussianFilter { transform, motion, measurement, prior, gate: None }
+    }
+
+    /// Leaves out measurements whose squared Mahalanobis distance exceeds the chi-square quantile at `probability`,
+    /// which a measurement of the model does with 1 - `probability`.
+    ///
+    /// # Errors
+    /// `probability` outside (0, 1).
+    pub fn with_gate(mut self, probability: f64) -> Result<Self> {
+        Error::positive("probability of the gate", probability)?;
+        let dof = u32::try_from(M).unwrap_or(u32::MAX);
+        self.gate = Some(chi_square::quantile(probability, dof)?);
+        Ok(self)
+    }
+
+    /// The motion model.
+    pub fn motion(&self) -> &A {
+        &self.motion
+    }
+
+    /// The measurement model.
+    pub fn measurement(&self) -> &H {
+        &self.measurement
+    }
+
+    /// The law at `to` of a state that has law `state` at `from`; with `to` equal to `from` it is `state`.
+    ///
+    /// # Errors
+    /// A step back in time, a model that refuses its parameters, a prediction that is not finite.
+    pub fn predict(&self, state: &Gaussian<N>, from: Time, to: Time) -> Result<Gaussian<N>> {
+        match to.cmp(&from) {
+            std::cmp::Ordering::Less => Err(Error::OutOfOrder { from, to }),
+            std::cmp::Ordering::Equal => Ok(*state),
+            std::cmp::Ordering::Greater => {
+                self.transform.propagate(&self.motion, &self.motion.over(from, to)?, state)
+            }
+        }
+    }
+
+    /// The law of the state after `z`, measured at `at`, and what became of `z`. Where it was not used, the law is
+    /// `state`.
+    ///
+    /// # Errors
+    /// A measurement that is not finite, a model that refuses its parameters.
+    pub fn update(&self, state: &Gaussian<N>, z: &H::Value, at: Time) -> Result<(Gaussian<N>, Update)> {
+        self.measurement.given(z, at)?;
+        let z = self.measurement.components(z);
+        for component in z {
+            Error::finite("measurement", component)?;
+        }
+        let nominal = Matrix(self.measurement.covariance());
+        nominal.finite("covariance of the measurement")?;
+        let observed = self.transform.observe(&self.measurement, state)?;
+        let innovation = innovation::<H, N, M>(&z, &observed.mean);
+
+        let unused = |outcome, log_evidence| Ok((*state, Update { outcome, log_evidence, particles: None }));
+        let degenerate = || unused(Outcome::Degenerate, f64::NEG_INFINITY);
+        let assess = |noise: Matrix<M, M>| {
+            let factor = Cholesky::of("covariance of the innovation", &(observed.covariance + noise)).ok()?;
+            let log_evidence = log_density(&innovation, &factor);
+            log_evidence.is_finite().then(|| (factor.mahalanobis_squared(&innovation), log_evidence, factor))
+        };
+
+        let mut noise = nominal;
+        let Some((mut distance, mut log_evidence, mut factor)) = assess(noise) else { return degenerate() };
+        if self.gate.is_some_and(|threshold| distance > threshold) {
+            return unused(Outcome::Gated, log_evidence);
+        }
+        let mut scale = 1.0;
+        for _ in 0..ROBUST_ROUNDS {
+            let wanted =
+                Error::positive("scale of the covariance", self.measurement.covariance_scale(distance))?;
+            if wanted == scale {
+                break;
+            }
+            scale = wanted;
+            noise = nominal * scale;
+            let Some(assessed) = assess(noise) else { return degenerate() };
+            (distance, log_evidence, factor) = assessed;
+        }
+
+        let gain = factor.solve_matrix(&observed.cross.transpose()).transpose();
+        let correction = gain * innovation;
+        let mean = from_fn(|i| state.mean()[i] + correction[i]);
+        let covariance = observed.joseph(state.covariance(), &gain, &noise);
+        match Gaussian::computed("updated mean", "updated covariance", mean, covariance) {
+            Ok(posterior) => {
+                Ok((posterior, Update { outcome: Outcome::Updated, log_evidence, particles: None }))
+            }
+            Err(_) => degenerate(),
+        }
+    }
+}
+
+/// z - z_hat, angles wrapped.
+fn innovation<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
+    z: &[f64; M],
+    predicted: &[f64; M],
+) -> [f64; M] {
+    from_fn(|i| if H::ANGLE[i] { wrap(z[i] - predicted[i]) } else { z[i] - predicted[i] })
+}
+
+impl<T, A, H, const N: usize, const W: usize, const M: usize> Filter for GaussianFilter<T, A, H, N, W, M>
+where
+    T: Transform,
+    A: Motion<N, W>,
+    H: GaussianMeasurement<N, M>,
+{
+    type Measurement = H::Value;
+    type Belief = GaussianBelief<N>;
+
+    /// The prior; no random numbers are drawn.
+    fn start(&self, at: Time, _: Stream) -> Result<GaussianBelief<N>> {
+        Ok(GaussianBelief { time: at, state: self.prior })
+    }
+
+    fn step(&self, belief: &mut GaussianBelief<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
+        let predicted = self.predict(&belief.state, belief.time, to)?;
+        let (state, update) = match z {
+            None => (predicted, Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None }),
+            Some(z) => self.update(&predicted, z, to)?,
+        };
+        *belief = GaussianBelief { time: to, state };
+        Ok(update)
+    }
+}
+
+/// The law that a belief foretells for a measurement, as a Gaussian.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PredictedMeasurement<const M: usize> {
+    /// Its mean.
+    pub mean: [f64; M],
+    /// Its covariance, noise of the measurement included.
+    pub covariance: Matrix<M, M>,
+    angle: [bool; M],
+}
+
+impl<const M: usize> PredictedMeasurement<M> {
+    /// `z` minus the mean, angles wrapped.
+    pub fn innovation(&self, z: &[f64; M]) -> [f64; M] {
+        from_fn(|i| if self.angle[i] { wrap(z[i] - self.mean[i]) } else { z[i] - self.mean[i] })
+    }
+
+    /// nu' S^-1 nu: the normalised innovation squared (NIS) of `z`; chi-square with `M` degrees of freedom where
+    /// the belief and the models are right and nearly linear.
+    ///
+    /// # Errors
+    /// A covariance that is not positive definite, a `z` that is not finite.
+    pub fn nis(&self, z: &[f64; M]) -> Result<f64> {
+        for &component in z {
+            Error::finite("measurement", component)?;
+        }
+        Ok(Cholesky::of("covariance of the innovation", &self.covariance)?
+            .mahalanobis_squared(&self.innovation(z)))
+    }
+}
+
+/// What a state of mean and covariance `state` at `from` foretells for a measurement at `to`. It serves every belief
+/// that has a mean and a covariance (particles too), so that their innovations are judged by one rule: sigma points
+/// ([`SigmaPoints::default`](super::SigmaPoints)) through the motion, if time passes, and through the measurement.
+///
+/// # Errors
+/// A step back in time, a model that refuses its parameters, numbers that are not finite.
+pub fn predict_measurement<A, H, const N: usize, const W: usize, const M: usize>(
+    motion: &A,
+    measurement: &H,
+    state: &Gaussian<N>,
+    from: Time,
+    to: Time,
+) -> Result<PredictedMeasurement<M>>
+where
+    A: Motion<N, W>,
+    H: GaussianMeasurement<N, M>,
+{
+    let points = super::SigmaPoints::default();
+    let state = match to.cmp(&from) {
+        std::cmp::Ordering::Less => return Err(Error::OutOfOrder { from, to }),
+        std::cmp::Ordering::Equal => *state,
+        std::cmp::Ordering::Greater => points.propagate(motion, &motion.over(from, to)?, state)?,
+    };
+    let observed = points.observe(measurement, &state)?;
+    for z in observed.mean {
+        Error::finite("predicted measurement", z)?;
+    }
+    let covariance = (observed.covariance + Matrix(measurement.covariance())).symmetrised();
+    covariance.finite("covariance of the innovation")?;
+    Ok(PredictedMeasurement { mean: observed.mean, covariance, angle: H::ANGLE })
+}
