@@ -84,7 +84,8 @@ impl<const N: usize, const M: usize> Observed<N, M> {
 /// [`Unscented`](super::Unscented).
 ///
 /// Log-evidence is ln N(nu; 0, S), nu the innovation with its angles wrapped and S its covariance. The outcome is
-/// [`Outcome::Degenerate`] where S is not positive definite or the evidence or the posterior is not finite.
+/// [`Outcome::Degenerate`] where S is not positive definite or the evidence or the posterior is not finite. A
+/// measurement outside the gate reports its evidence all the same.
 ///
 /// A robust model (one whose [`covariance_scale`](GaussianMeasurement::covariance_scale) is not 1) has R scaled
 /// before gain, evidence and posterior are computed: the factor follows from the distance under S, S from the
