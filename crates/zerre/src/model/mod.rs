@@ -1,4 +1,12 @@
 //! Models: how a target moves and how a sensor sees it. One file is one model, with its source.
+//!
+//! Components of a state come in this order: positions, then velocities, then accelerations, then what else there
+//! is (a turn rate): `[x, y, vx, vy]`, `[x, y, z, vx, vy, vz, ax, ay, az]`, `[x, y, vx, vy, turn_rate]`. Units are
+//! metres, seconds and radians. A measurement model reads the leading components that it needs and fits every
+//! motion that begins with them.
+
+pub mod measurement;
+pub mod motion;
 
 use crate::error::Result;
 use crate::math::Real;
@@ -84,8 +92,8 @@ pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
     /// Which components are angles: their differences are wrapped into (-pi, pi].
     const ANGLE: [bool; M] = [false; M];
 
-    /// h(x). Mark it `#[inline(always)]`.
-    fn predict<R: Real>(&self, x: [R; N]) -> [R; M];
+    /// h(x) at `at`: a sensor may move, a benchmark may change its sensor. Mark it `#[inline(always)]`.
+    fn predict<R: Real>(&self, at: Time, x: [R; N]) -> [R; M];
 
     /// The components of a measured value.
     fn components(&self, z: &Self::Value) -> [f64; M];
