@@ -5,6 +5,7 @@ use crate::belief::Gaussian;
 use crate::error::Result;
 use crate::math::{Dual, Matrix};
 use crate::model::{GaussianMeasurement, Motion};
+use crate::time::Time;
 
 /// A Gaussian goes through the tangent of the function at its mean (Jazwinski 1970, ch. 8): exact for linear
 /// functions, and nothing of a curvature is seen.
@@ -57,9 +58,10 @@ impl<const N: usize, const W: usize> MotionTangent<N, W> {
 /// h and its Jacobian at a point.
 pub(crate) fn measurement_tangent<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
     measurement: &H,
+    at: Time,
     x: &[f64; N],
 ) -> ([f64; M], Matrix<M, N>) {
-    let z = measurement.predict(Dual::variables(*x));
+    let z = measurement.predict(at, Dual::variables(*x));
     (z.map(|d| d.value), Matrix(z.map(|d| d.gradient)))
 }
 
@@ -80,9 +82,10 @@ impl Transform for Tangent {
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
         &self,
         measurement: &H,
+        at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>> {
-        let (mean, jacobian) = measurement_tangent(measurement, state.mean());
+        let (mean, jacobian) = measurement_tangent(measurement, at, state.mean());
         Ok(Observed {
             mean,
             covariance: jacobian.congruence(state.covariance()),

@@ -25,7 +25,7 @@ pub trait Transform: Send + Sync {
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>>;
 
-    /// The moments of h(x), without the noise of the measurement.
+    /// The moments of h(x) at `at`, without the noise of the measurement.
     ///
     /// # Errors
     /// A model that the transform does not hold for. Numbers that are not finite pass: they make the update
@@ -33,6 +33,7 @@ pub trait Transform: Send + Sync {
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
         &self,
         measurement: &H,
+        at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>>;
 }
@@ -161,7 +162,7 @@ where
         }
         let nominal = Matrix(self.measurement.covariance());
         nominal.finite("covariance of the measurement")?;
-        let observed = self.transform.observe(&self.measurement, state)?;
+        let observed = self.transform.observe(&self.measurement, at, state)?;
         let innovation = innovation::<H, N, M>(&z, &observed.mean);
 
         let unused = |outcome, log_evidence| Ok((*state, Update { outcome, log_evidence, particles: None }));
@@ -289,7 +290,7 @@ where
         std::cmp::Ordering::Equal => *state,
         std::cmp::Ordering::Greater => points.propagate(motion, &motion.over(from, to)?, state)?,
     };
-    let observed = points.observe(measurement, &state)?;
+    let observed = points.observe(measurement, to, &state)?;
     for z in observed.mean {
         Error::finite("predicted measurement", z)?;
     }

@@ -6,6 +6,7 @@ use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::math::Matrix;
 use crate::model::{GaussianMeasurement, Motion, Noise};
+use crate::time::Time;
 use std::array::from_fn;
 
 /// A Gaussian goes through a linear function and stays one. Each time the Jacobian is compared at two points; where
@@ -31,7 +32,7 @@ where
     /// # Errors
     /// [`Error::Unsupported`] for a measurement that is not linear (angles wrap, so they are not), one with
     /// heavier tails than the normal law, and for process noise that is not normal. A motion that is not linear is
-    /// refused by the first step.
+    /// refused by the first step, and so is a measurement that ceases to be.
     pub fn new(motion: A, measurement: H, prior: Gaussian<N>) -> Result<Self> {
         if motion.noise() != Noise::StandardNormal {
             return refuse("process noise that is not normal");
@@ -43,7 +44,7 @@ where
         if measurement.covariance_scale(1e6) != 1.0 {
             return refuse("a robust measurement");
         }
-        Linear.observe(&measurement, &prior)?;
+        Linear.observe(&measurement, Time::ZERO, &prior)?;
         Ok(GaussianFilter::of(Linear, motion, measurement, prior))
     }
 }
@@ -72,14 +73,15 @@ impl Transform for Linear {
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
         &self,
         measurement: &H,
+        at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>> {
-        let (_, here) = measurement_tangent(measurement, state.mean());
-        let (_, there) = measurement_tangent(measurement, &off(state));
+        let (_, here) = measurement_tangent(measurement, at, state.mean());
+        let (_, there) = measurement_tangent(measurement, at, &off(state));
         if !same(&here, &there) {
             return refuse("a nonlinear measurement");
         }
-        Tangent.observe(measurement, state)
+        Tangent.observe(measurement, at, state)
     }
 }
 

@@ -5,6 +5,7 @@ use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::math::{Cholesky, Matrix, wrap};
 use crate::model::{GaussianMeasurement, Motion};
+use crate::time::Time;
 use std::array::from_fn;
 
 /// A Gaussian of n variables goes through a function by 2 n + 1 of its points: the mean and, along each column of a
@@ -139,16 +140,17 @@ impl Transform for SigmaPoints {
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
         &self,
         measurement: &H,
+        at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>> {
         let spread = self.spread(N)?;
         let x = state.mean();
-        let centre = measurement.predict(*x);
+        let centre = measurement.predict(at, *x);
         let root = Cholesky::semidefinite("covariance of the state", state.covariance())?;
         let columns: [[f64; N]; N] = from_fn(|j| root.column(j).map(|r| r * spread.distance));
         let mut measured: [[[f64; M]; 2]; N] = columns.map(|dx| {
             [1.0, -1.0].map(|sign| {
-                let z = measurement.predict::<f64>(from_fn(|i| x[i] + sign * dx[i]));
+                let z = measurement.predict::<f64>(at, from_fn(|i| x[i] + sign * dx[i]));
                 from_fn(|i| if H::ANGLE[i] { wrap(z[i] - centre[i]) } else { z[i] - centre[i] })
             })
         });

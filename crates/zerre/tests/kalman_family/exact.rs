@@ -1,7 +1,7 @@
 //! Exactness on linear normal worlds.
 
 use crate::common::recording;
-use crate::models::{Glide, Growth, Level, direct, positions};
+use crate::models::{Adrift, Glide, Growth, Level, direct, positions};
 use zerre::Time;
 use zerre::belief::{Gaussian, GaussianBelief};
 use zerre::filter::{Extended, Filter, Kalman, Outcome, SigmaPoints, Unscented, Update, predict_measurement};
@@ -147,6 +147,23 @@ fn noise_that_is_not_centred() {
     for found in [extended, unscented] {
         assert!((found.mean()[0] - 16.0).abs() < 1e-13 && (found.covariance().0[0][0] - 16.0).abs() < 1e-13);
     }
+}
+
+/// The measurement is predicted for the time of the step: 5 + 3 s is just what is seen, so the mean stays.
+#[test]
+fn sensors_may_depend_on_time() {
+    let prior = Gaussian::new([5.0], Matrix([[4.0]])).unwrap();
+    let at = Time::from_secs(3.0);
+    let unscented = Unscented::new(Level(1.0), Adrift, prior, SigmaPoints::default()).unwrap();
+    for (posterior, _) in [
+        Kalman::new(Level(1.0), Adrift, prior).unwrap().update(&prior, &[8.0], at).unwrap(),
+        Extended::new(Level(1.0), Adrift, prior).update(&prior, &[8.0], at).unwrap(),
+        unscented.update(&prior, &[8.0], at).unwrap(),
+    ] {
+        assert!((posterior.mean()[0] - 5.0).abs() < 1e-14);
+    }
+    let foretold = predict_measurement(&Level(1.0), &Adrift, &prior, Time::ZERO, at).unwrap();
+    assert!((foretold.mean[0] - 8.0).abs() < 1e-14 && (foretold.covariance.0[0][0] - 8.0).abs() < 1e-13);
 }
 
 /// Ten thousand sharp measurements: covariances stay exactly symmetric and positive definite.

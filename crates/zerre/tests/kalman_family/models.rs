@@ -102,7 +102,7 @@ impl<const N: usize, const M: usize> Measurement<N> for Rows<N, M> {
 }
 
 impl<const N: usize, const M: usize> GaussianMeasurement<N, M> for Rows<N, M> {
-    fn predict<R: Real>(&self, x: [R; N]) -> [R; M] {
+    fn predict<R: Real>(&self, _: Time, x: [R; N]) -> [R; M] {
         std::array::from_fn(|i| (0..N).fold(x[0].constant(0.0), |sum, j| sum + x[j] * self.h.0[i][j]))
     }
     fn components(&self, z: &[f64; M]) -> [f64; M] {
@@ -116,6 +116,33 @@ impl<const N: usize, const M: usize> GaussianMeasurement<N, M> for Rows<N, M> {
 /// z = x + v for a state of one component.
 pub fn direct(variance: f64) -> Rows<1, 1> {
     Rows { h: Matrix([[1.0]]), r: Matrix([[variance]]) }
+}
+
+/// A sensor that wanders off: z = x + t + v, t the time in seconds and v of variance 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Adrift;
+
+impl Measurement<1> for Adrift {
+    type Value = [f64; 1];
+    type Given<'z> = ();
+    fn given<'z>(&'z self, _: &'z [f64; 1], _: Time) -> Result<()> {
+        Ok(())
+    }
+    fn log_likelihood<R: Real>(_: &(), [x]: [R; 1]) -> R {
+        x.constant(f64::NAN)
+    }
+}
+
+impl GaussianMeasurement<1, 1> for Adrift {
+    fn predict<R: Real>(&self, at: Time, [x]: [R; 1]) -> [R; 1] {
+        [x + at.secs()]
+    }
+    fn components(&self, z: &[f64; 1]) -> [f64; 1] {
+        *z
+    }
+    fn covariance(&self) -> [[f64; 1]; 1] {
+        [[1.0]]
+    }
 }
 
 /// Both positions of [`Glide`], with correlated noise.
@@ -145,7 +172,7 @@ impl<const WRAP: bool> Measurement<4> for Polar<WRAP> {
 
 impl<const WRAP: bool> GaussianMeasurement<4, 2> for Polar<WRAP> {
     const ANGLE: [bool; 2] = [false, WRAP];
-    fn predict<R: Real>(&self, [x, _, y, _]: [R; 4]) -> [R; 2] {
+    fn predict<R: Real>(&self, _: Time, [x, _, y, _]: [R; 4]) -> [R; 2] {
         [x.hypot(y), y.atan2(x)]
     }
     fn components(&self, z: &[f64; 2]) -> [f64; 2] {
@@ -180,7 +207,7 @@ where
         let to = Time::from_secs(k as f64 * dt);
         let mut noise = stream.draws(Purpose::Motion, k, 0);
         x = A::apply(&motion.over(now, to).unwrap(), x, std::array::from_fn(|_| noise.normal()));
-        let noiseless = Gaussian::new(h.predict(x), Matrix(h.covariance())).unwrap();
+        let noiseless = Gaussian::new(h.predict(to, x), Matrix(h.covariance())).unwrap();
         out.push((to, x, draw(&noiseless, &mut stream.draws(Purpose::Measurement, k, 0))));
         now = to;
     }

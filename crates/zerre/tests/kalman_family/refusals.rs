@@ -141,7 +141,7 @@ impl Measurement<1> for Huber {
 }
 
 impl GaussianMeasurement<1, 1> for Huber {
-    fn predict<R: Real>(&self, x: [R; 1]) -> [R; 1] {
+    fn predict<R: Real>(&self, _: Time, x: [R; 1]) -> [R; 1] {
         x
     }
     fn components(&self, z: &[f64; 1]) -> [f64; 1] {

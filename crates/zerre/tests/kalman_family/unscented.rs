@@ -22,7 +22,7 @@ impl Measurement<4> for Energy {
 }
 
 impl GaussianMeasurement<4, 1> for Energy {
-    fn predict<R: Real>(&self, x: [R; 4]) -> [R; 1] {
+    fn predict<R: Real>(&self, _: Time, x: [R; 4]) -> [R; 1] {
         [x[0].square() + x[1].square() + x[2].square() + x[3].square()]
     }
     fn components(&self, z: &[f64; 1]) -> [f64; 1] {
