@@ -1,5 +1,6 @@
 //! Particle filters and their relatives.
 
+pub mod catalog;
 pub mod error;
 pub mod filter;
 pub mod math;

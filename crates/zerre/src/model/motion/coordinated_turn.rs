@@ -1,4 +1,4 @@
-//! Coordinated turn of known rate (Bar-Shalom, section 4.2.2; Li and Jilkov, section V.A) with white-noise
+//! Coordinated turn of known rate (Bar-Shalom, section 11.7.1; Li and Jilkov, section V.A) with white-noise
 //! acceleration.
 
 use super::{add_scaled, elapsed};

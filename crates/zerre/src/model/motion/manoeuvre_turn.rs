@@ -1,5 +1,5 @@
 //! Coordinated turn by a given acceleration: the rate is the acceleration over the speed (Ristic, Arulampalam and
-//! Gordon, *Beyond the Kalman Filter*, Artech House 2004, section 6.3; Li and Jilkov, section V.A).
+//! Gordon, *Beyond the Kalman Filter*, Artech House 2004, chapter 6; Li and Jilkov, section V.A).
 
 use super::constant_velocity::ConstantVelocityStep;
 use super::{elapsed, turn};

@@ -1,5 +1,5 @@
-//! Wiener-sequence acceleration: the acceleration jumps once per step (Bar-Shalom, section 6.3.3; Li and Jilkov,
-//! section IV.B).
+//! Wiener-sequence acceleration: the acceleration jumps once per step (Bar-Shalom, section 6.3.3; Li and
+//! Jilkov).
 
 use super::{add_scaled, elapsed};
 use crate::error::{Error, Result};
