@@ -1,7 +1,7 @@
 //! Any linear measurement.
 
 use super::{finite, log_constant, lower_factor};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::Real;
 use crate::model::{GaussianMeasurement, Measurement};
 use crate::time::Time;
@@ -35,13 +35,10 @@ impl<const M: usize, const N: usize> Linear<M, N> {
         }
         let l = lower_factor("covariance of the measurement", &r)?;
         let mut whiten = [[0.0; M]; M];
-        for j in 0..M {
-            for i in j..M {
-                let unit = if i == j { 1.0 } else { 0.0 };
-                let inner: f64 = (j..i).map(|k| l[i][k] * whiten[k][j]).sum();
-                whiten[i][j] =
-                    Error::finite("inverse covariance of the measurement", (unit - inner) / l[i][i])?;
-            }
+        for i in 0..M {
+            let mut row: [f64; M] = std::array::from_fn(|j| (j..i).map(|k| -l[i][k] * whiten[k][j]).sum());
+            row[i] = 1.0;
+            whiten[i] = *finite("inverse covariance of the measurement", &row.map(|c| c / l[i][i]))?;
         }
         Ok(Linear { h, r, whiten, diagonal: std::array::from_fn(|i| l[i][i]) })
     }
