@@ -1,6 +1,7 @@
 //! Particle filters and their relatives.
 
 pub mod belief;
+pub mod catalog;
 pub mod error;
 pub mod filter;
 pub mod math;

@@ -84,13 +84,37 @@ impl<const N: usize, const M: usize> Observed<N, M> {
 /// A Kalman filter of one kind or another: [`Kalman`](super::Kalman), [`Extended`](super::Extended),
 /// [`Unscented`](super::Unscented).
 ///
+/// ```
+/// use zerre::belief::Gaussian;
+/// use zerre::filter::{Extended, Filter};
+/// use zerre::model::{measurement::RangeBearing, motion::ConstantVelocity};
+/// use zerre::rng::Stream;
+/// use zerre::Time;
+///
+/// // x, y, vx, vy: known to 100 m and 10 m/s.
+/// let prior = Gaussian::independent([900.0, 500.0, 0.0, 0.0], [100.0, 100.0, 10.0, 10.0])?;
+/// let radar = RangeBearing::new([0.0, 0.0], 5.0, 0.01)?;
+/// let filter = Extended::new(ConstantVelocity::<2>::new(0.1)?, radar, prior).with_gate(0.999)?;
+///
+/// let mut belief = filter.start(Time::ZERO, Stream::new(1))?;
+/// for (t, range, bearing) in [(0.0, 1000.0, 0.45), (1.0, 1004.0, 0.44), (2.0, 1008.0, 0.43)] {
+///     filter.step(&mut belief, Time::from_secs(t), Some(&[range, bearing]))?;
+/// }
+/// let ellipse = belief.state.position::<2>()?.ellipse(0.95)?;
+/// assert!(ellipse.semi_major < 30.0);
+/// # Ok::<(), zerre::Error>(())
+/// ```
+///
 /// Log-evidence is ln N(nu; 0, S), nu the innovation with its angles wrapped and S its covariance. The outcome is
 /// [`Outcome::Degenerate`] where S is not positive definite or the evidence or the posterior is not finite. A
 /// measurement outside the gate reports its evidence all the same.
 ///
-/// A robust model (one whose [`covariance_scale`](GaussianMeasurement::covariance_scale) is not 1) has R scaled
-/// before gain, evidence and posterior are computed: the factor follows from the distance under S, S from the
-/// factor, three times over. The gate is applied before, with the nominal R.
+/// For noise with heavier tails, v ~ N(0, s R) with random s
+/// ([`covariance_scale`](GaussianMeasurement::covariance_scale) is then not 1), x and s are taken as independent
+/// given z (variational Bayes; Roth et al. 2017, IEEE Trans. Signal Process. 65(9)): in turns, the factor on R
+/// follows from the expected distance of z from h(x), the law of x from the factor, eight times over. Evidence is
+/// p(z | x) p(x) / p(x | z) at the updated mean with the model's own likelihood and the normal laws of x: exact where
+/// x is known. The gate is applied before, with the nominal R.
 #[derive(Clone, Debug)]
 pub struct GaussianFilter<T, A, H, const N: usize, const W: usize, const M: usize> {
     transform: T,
@@ -100,8 +124,9 @@ pub struct GaussianFilter<T, A, H, const N: usize, const W: usize, const M: usiz
     gate: Option<f64>,
 }
 
-/// Rounds of the fixed point between the factor on R and the distance.
-const ROBUST_ROUNDS: usize = 3;
+/// Turns between the factor on R and the law of x; each leaves a fraction of the error that is small where the
+/// factor matters, because there R is large beside the spread of h(x).
+const ROBUST_ROUNDS: usize = 8;
 
 impl<T, A, H, const N: usize, const W: usize, const M: usize> GaussianFilter<T, A, H, N, W, M>
 where
@@ -155,7 +180,7 @@ where
     /// # Errors
     /// A measurement that is not finite, a model that refuses its parameters.
     pub fn update(&self, state: &Gaussian<N>, z: &H::Value, at: Time) -> Result<(Gaussian<N>, Update)> {
-        self.measurement.given(z, at)?;
+        let given = self.measurement.given(z, at)?;
         let z = self.measurement.components(z);
         for component in z {
             Error::finite("measurement", component)?;
@@ -167,40 +192,51 @@ where
 
         let unused = |outcome, log_evidence| Ok((*state, Update { outcome, log_evidence, particles: None }));
         let degenerate = || unused(Outcome::Degenerate, f64::NEG_INFINITY);
-        let assess = |noise: Matrix<M, M>| {
-            let factor = Cholesky::of("covariance of the innovation", &(observed.covariance + noise)).ok()?;
+        let assess = |noise: &Matrix<M, M>| {
+            let factor =
+                Cholesky::of("covariance of the innovation", &(observed.covariance + *noise)).ok()?;
             let log_evidence = log_density(&innovation, &factor);
-            log_evidence.is_finite().then(|| (factor.mahalanobis_squared(&innovation), log_evidence, factor))
+            log_evidence.is_finite().then_some((factor, log_evidence))
         };
 
-        let mut noise = nominal;
-        let Some((mut distance, mut log_evidence, mut factor)) = assess(noise) else { return degenerate() };
-        if self.gate.is_some_and(|threshold| distance > threshold) {
+        let Some((mut factor, mut log_evidence)) = assess(&nominal) else { return degenerate() };
+        if self.gate.is_some_and(|threshold| factor.mahalanobis_squared(&innovation) > threshold) {
             return unused(Outcome::Gated, log_evidence);
         }
-        let mut scale = 1.0;
+        let (mut noise, mut scale) = (nominal, 1.0);
         for _ in 0..ROBUST_ROUNDS {
-            let wanted =
-                Error::positive("scale of the covariance", self.measurement.covariance_scale(distance))?;
+            // z - h(x) has mean s R S^-1 nu and covariance s R S^-1 Cov[h(x)] given z and the scale s.
+            let weighted = factor.solve(&innovation);
+            let spread: f64 = factor.solve_matrix(&observed.covariance).diagonal().iter().sum();
+            let distance = scale * scale * nominal.quadratic(&weighted, &weighted) + scale * spread;
+            let wanted = self.measurement.covariance_scale(distance);
             if wanted == scale {
                 break;
             }
-            scale = wanted;
+            scale = Error::positive("scale of the covariance", wanted)?;
             noise = nominal * scale;
-            let Some(assessed) = assess(noise) else { return degenerate() };
-            (distance, log_evidence, factor) = assessed;
+            let Some(assessed) = assess(&noise) else { return degenerate() };
+            (factor, log_evidence) = assessed;
         }
 
         let gain = factor.solve_matrix(&observed.cross.transpose()).transpose();
         let correction = gain * innovation;
         let mean = from_fn(|i| state.mean()[i] + correction[i]);
         let covariance = observed.joseph(state.covariance(), &gain, &noise);
-        match Gaussian::computed("updated mean", "updated covariance", mean, covariance) {
-            Ok(posterior) => {
-                Ok((posterior, Update { outcome: Outcome::Updated, log_evidence, particles: None }))
+        let Ok(posterior) = Gaussian::computed("updated mean", "updated covariance", mean, covariance) else {
+            return degenerate();
+        };
+        if scale != 1.0 {
+            let Ok(factor) = Cholesky::of("covariance of the measurement", &noise) else {
+                return degenerate();
+            };
+            let residual = self::innovation::<H, N, M>(&z, &self.measurement.predict(at, mean));
+            log_evidence += H::log_likelihood(&given, mean) - log_density(&residual, &factor);
+            if !log_evidence.is_finite() {
+                return degenerate();
             }
-            Err(_) => degenerate(),
         }
+        Ok((posterior, Update { outcome: Outcome::Updated, log_evidence, particles: None }))
     }
 }
 
@@ -269,7 +305,8 @@ impl<const M: usize> PredictedMeasurement<M> {
 
 /// What a state of mean and covariance `state` at `from` foretells for a measurement at `to`. It serves every belief
 /// that has a mean and a covariance (particles too), so that their innovations are judged by one rule: sigma points
-/// ([`SigmaPoints::default`](super::SigmaPoints)) through the motion, if time passes, and through the measurement.
+/// ([`SigmaPoints::default`](super::SigmaPoints)) through the motion, if time passes, and through the measurement,
+/// whose noise enters with its nominal covariance.
 ///
 /// # Errors
 /// A step back in time, a model that refuses its parameters, numbers that are not finite.

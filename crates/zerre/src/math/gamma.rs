@@ -1,36 +1,7 @@
-//! The gamma function and its incomplete integrals.
+//! The incomplete integrals of the gamma function.
 
-use super::gaussian::LN_2PI;
-use super::{exp, ln};
+use super::{exp, ln, ln_gamma};
 use crate::error::{Error, Result};
-
-/// ln Gamma(x) for `x` > 0, to about 1e-15 absolute below 10 and a few ulp above; NaN otherwise.
-///
-/// Stirling's series (Abramowitz and Stegun 6.1.41) from 10 on, reached by Gamma(x + 1) = x Gamma(x).
-pub fn ln_gamma(x: f64) -> f64 {
-    if x.is_nan() || x <= 0.0 {
-        return f64::NAN;
-    }
-    let (mut x, mut product) = (x, 1.0);
-    while x < 10.0 {
-        product *= x;
-        x += 1.0;
-    }
-    let r = 1.0 / x;
-    let r2 = r * r;
-    // Bernoulli numbers B_2k / (2k (2k - 1)); the first one left out is below 7e-17 at 10.
-    let series = [
-        1.0 / 12.0,
-        -1.0 / 360.0,
-        1.0 / 1260.0,
-        -1.0 / 1680.0,
-        1.0 / 1188.0,
-        -691.0 / 360_360.0,
-        1.0 / 156.0,
-    ];
-    let tail = r * series.iter().rev().fold(0.0f64, |sum, &c| sum.mul_add(r2, c));
-    (x - 0.5) * ln(x) - x + 0.5 * LN_2PI + tail - ln(product)
-}
 
 /// The regularised incomplete gamma functions P(a, x) and Q(a, x) = 1 - P(a, x), each with small relative error in
 /// its own tail: a series below x = a + 1, a continued fraction (modified Lentz) above.
@@ -85,22 +56,6 @@ pub fn regularised(a: f64, x: f64) -> Result<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn factorials_and_half_integers() {
-        let mut factorial = 1.0;
-        for n in 1..20 {
-            assert!(
-                (ln_gamma(f64::from(n)) - f64::ln(factorial)).abs() < 4e-15 * (1.0 + f64::ln(factorial)),
-                "{n}"
-            );
-            factorial *= f64::from(n);
-        }
-        assert!((ln_gamma(0.5) - 0.5 * std::f64::consts::PI.ln()).abs() < 2e-15);
-        // -ln x - 0.5772 x for small x.
-        assert!((ln_gamma(1e-10) - 23.025_850_929_882_735).abs() < 1e-13);
-        assert!(ln_gamma(0.0).is_nan() && ln_gamma(-1.5).is_nan() && ln_gamma(f64::NAN).is_nan());
-    }
 
     /// Q(n, x) = e^-x sum of x^k / k! below n, a sum of positive terms.
     #[test]

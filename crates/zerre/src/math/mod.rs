@@ -5,11 +5,12 @@ mod angle;
 pub mod chi_square;
 mod dual;
 mod elementary;
-pub mod gamma;
+mod gamma;
 pub mod gaussian;
 mod lanes;
 mod matrix;
 mod real;
+mod special;
 
 pub use angle::wrap;
 pub use dual::Dual;
@@ -18,3 +19,4 @@ pub use lanes::Lanes;
 pub(crate) use matrix::vector_serde;
 pub use matrix::{Cholesky, Matrix, dot};
 pub use real::{Float, Real};
+pub use special::{decay_average, decay_second_average, ln_gamma, sinc, sine_defect};

@@ -7,9 +7,11 @@
 
 pub mod measurement;
 pub mod motion;
+pub mod simulate;
 
 use crate::error::Result;
 use crate::math::Real;
+use crate::rng::Draws;
 use crate::time::Time;
 
 /// How the state moves: x_k = f(x_{k-1}, w_k), with `N` state components and `W` noise components.
@@ -88,6 +90,9 @@ pub trait Measurement<const N: usize>: Send + Sync {
 }
 
 /// A measurement z = h(x) + v with v ~ N(0, R) and `M` components: what the Kalman family needs.
+///
+/// Noise with heavier tails takes part as a scale mixture of normals, v ~ N(0, s R) with random s: see
+/// [`GaussianMeasurement::covariance_scale`].
 pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
     /// Which components are angles: their differences are wrapped into (-pi, pi].
     const ANGLE: [bool; M] = [false; M];
@@ -101,10 +106,14 @@ pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
     /// R, `M` x `M`, in the units of the components squared.
     fn covariance(&self) -> [[f64; M]; M];
 
-    /// Factor on R that a robust model asks for, given the squared Mahalanobis distance of the innovation; 1 for a
-    /// Gaussian.
-    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
-        let _ = mahalanobis_squared;
+    /// What R must be multiplied by once the residual r = z - h(x) is known: 1 / E[1 / s | r], given the squared
+    /// Mahalanobis distance r' R^-1 r (its expectation, where x is uncertain). Normal noise has 1.
+    fn covariance_scale(&self, _mahalanobis_squared: f64) -> f64 {
+        1.0
+    }
+
+    /// Draws s for a simulation.
+    fn draw_covariance_scale(&self, _draws: &mut Draws) -> f64 {
         1.0
     }
 }
