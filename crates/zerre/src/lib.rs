@@ -1,5 +1,6 @@
 //! Particle filters and their relatives.
 
+pub mod belief;
 pub mod catalog;
 pub mod error;
 pub mod filter;

@@ -3,12 +3,16 @@
 
 mod dual;
 mod elementary;
+pub mod gaussian;
 mod lanes;
+mod matrix;
 mod real;
 mod special;
 
 pub use dual::Dual;
 pub use elementary::{atan2, exp, ln, sin_cos};
 pub use lanes::Lanes;
+pub(crate) use matrix::vector_serde;
+pub use matrix::{Cholesky, Matrix, dot};
 pub use real::{Float, Real};
 pub use special::{decay_average, decay_second_average, ln_gamma, sinc, sine_defect};
