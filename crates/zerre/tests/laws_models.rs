@@ -74,7 +74,7 @@ fn compare(what: &str, found: &Matrix, expected: &Matrix, scale: &Matrix, tolera
 
 /// The scale of rounding errors in a covariance: by Cauchy and Schwarz no entry is larger.
 fn covariance_scale(q: &Matrix) -> Matrix {
-    matrix(q.len(), q.len(), |i, j| (q[i][i] * q[j][j]).sqrt())
+    matrix(q.len(), q.len(), |i, j| q[i][i].sqrt() * q[j][j].sqrt())
 }
 
 /// Two half steps are one whole step: F = F' F' and Q = F' Q' F'^T + Q'. Each entry sums at most a dozen products

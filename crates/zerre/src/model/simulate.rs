@@ -1,8 +1,8 @@
 //! Drawing what the models say: true paths, and what sensors would report of them.
 
-use super::measurement::lower_factor;
 use super::{GaussianMeasurement, Measurement, Motion, Noise};
 use crate::error::{Error, Result};
+use crate::math::{Cholesky, Matrix};
 use crate::rng::{Draws, Purpose, Stream};
 use crate::time::Time;
 
@@ -52,7 +52,7 @@ where
     if path.len() != times.len() {
         return Err(Error::Shape { what: "states of the path", found: path.len(), expected: times.len() });
     }
-    let factor = lower_factor("covariance of the measurement", &sensor.covariance())?;
+    let factor = Cholesky::of("covariance of the measurement", &Matrix(sensor.covariance()))?;
     let draw = |k, x: [f64; N], at| {
         let h = sensor.predict(at, x);
         let mut draws = stream.draws(Purpose::Measurement, k, 0);
@@ -60,10 +60,9 @@ where
         loop {
             let size = sensor.draw_covariance_scale(&mut draws).sqrt();
             let w: [f64; M] = std::array::from_fn(|_| size * draws.normal());
-            let z = std::array::from_fn(|i| {
-                let noise: f64 = factor[i].iter().zip(&w).map(|(l, w)| l * w).sum();
-                if H::ANGLE[i] { wrapped(h[i] + noise) } else { h[i] + noise }
-            });
+            let noise = *factor.factor() * w;
+            let z =
+                std::array::from_fn(|i| if H::ANGLE[i] { wrapped(h[i] + noise[i]) } else { h[i] + noise[i] });
             attempts += 1;
             match sensor.given(&z, at) {
                 Ok(_) => return Ok(z),

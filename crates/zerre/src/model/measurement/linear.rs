@@ -1,8 +1,9 @@
 //! Any linear measurement.
 
-use super::{finite, log_constant, lower_factor};
-use crate::error::Result;
-use crate::math::Real;
+use super::finite;
+use crate::error::{Error, Result};
+use crate::math::gaussian::LN_2PI;
+use crate::math::{Cholesky, Matrix, Real};
 use crate::model::{GaussianMeasurement, Measurement};
 use crate::time::Time;
 
@@ -11,12 +12,10 @@ use crate::time::Time;
 pub struct Linear<const M: usize, const N: usize> {
     h: [[f64; N]; M],
     r: [[f64; M]; M],
-    /// Inverse of the lower Cholesky factor of R, and that factor's diagonal.
-    whiten: [[f64; M]; M],
-    diagonal: [f64; M],
+    factor: Cholesky<M>,
 }
 
-/// A linear measurement, digested: the residual is whitened by rows, L^-1 (z - H x).
+/// A linear measurement, digested: the residual is whitened, L^-1 (z - H x) with R = L L'.
 #[derive(Clone, Copy, Debug)]
 pub struct LinearGiven<const M: usize, const N: usize> {
     z: [f64; M],
@@ -33,18 +32,13 @@ impl<const M: usize, const N: usize> Linear<M, N> {
         for row in &h {
             finite("measurement matrix", row)?;
         }
-        let l = lower_factor("covariance of the measurement", &r)?;
-        let mut whiten = [[0.0; M]; M];
-        for i in 0..M {
-            let mut row: [f64; M] = std::array::from_fn(|j| (j..i).map(|k| -l[i][k] * whiten[k][j]).sum());
-            row[i] = 1.0;
-            whiten[i] = *finite("inverse covariance of the measurement", &row.map(|c| c / l[i][i]))?;
+        let what = "covariance of the measurement";
+        let covariance = Matrix(r);
+        let skew = (covariance - covariance.transpose()).max_abs();
+        if skew > 0.0 {
+            return Err(Error::OutOfRange { what, value: skew, needs: "it must be symmetric" });
         }
-        Ok(Linear { h, r, whiten, diagonal: std::array::from_fn(|i| l[i][i]) })
-    }
-
-    fn whitened<const K: usize>(&self, a: &[[f64; K]; M]) -> [[f64; K]; M] {
-        std::array::from_fn(|i| std::array::from_fn(|j| (0..=i).map(|k| self.whiten[i][k] * a[k][j]).sum()))
+        Ok(Linear { h, r, factor: Cholesky::of(what, &covariance)? })
     }
 }
 
@@ -53,11 +47,12 @@ impl<const M: usize, const N: usize> Measurement<N> for Linear<M, N> {
     type Given<'z> = LinearGiven<M, N>;
 
     fn given(&self, z: &[f64; M], _: Time) -> Result<LinearGiven<M, N>> {
-        let z = finite("measured value", z)?.map(|z| [z]);
+        let h = Matrix(self.h);
+        let columns = Matrix(std::array::from_fn(|j| self.factor.whiten(&h.column(j))));
         Ok(LinearGiven {
-            z: self.whitened(&z).map(|[z]| z),
-            h: self.whitened(&self.h),
-            constant: log_constant(&self.diagonal),
+            z: self.factor.whiten(finite("measured value", z)?),
+            h: columns.transpose().0,
+            constant: -0.5 * (self.factor.log_det() + M as f64 * LN_2PI),
         })
     }
 

@@ -31,6 +31,7 @@ pub use upf_growth::{UpfGrowth, UpfGrowthGiven};
 
 use crate::error::{Error, Result};
 use crate::math::Real;
+use crate::math::gaussian::LN_2PI;
 
 /// `z` if all its components are finite.
 fn finite<'z, const M: usize>(what: &'static str, z: &'z [f64; M]) -> Result<&'z [f64; M]> {
@@ -51,11 +52,8 @@ fn direction(what: &'static str, value: f64) -> Result<(f64, f64)> {
 
 /// -sum ln(sd sqrt(2 pi)): the constant of a normal density of independent components.
 fn log_constant(sds: &[f64]) -> f64 {
-    sds.iter().map(|&sd| -Real::ln(sd) - HALF_LN_TAU).sum()
+    sds.iter().map(|&sd| -Real::ln(sd) - 0.5 * LN_2PI).sum()
 }
-
-/// ln(2 pi) / 2.
-const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
 
 /// Length of a vector. The smallest normal number inside the root changes no length that matters and keeps the
 /// derivatives at the sensor itself zero instead of NaN.
@@ -86,33 +84,6 @@ fn turned_back<R: Real>(ahead: R, left: R, sin: f64, cos: f64) -> R {
     let y = left.mul_add(left.constant(cos), -(ahead * sin));
     let x = ahead.mul_add(ahead.constant(cos), left * sin);
     y.atan2(x)
-}
-
-/// Lower Cholesky factor of a symmetric matrix.
-pub(super) fn lower_factor<const M: usize>(what: &'static str, r: &[[f64; M]; M]) -> Result<[[f64; M]; M]> {
-    let mut l = [[0.0; M]; M];
-    for i in 0..M {
-        for j in 0..=i {
-            Error::finite(what, r[i][j])?;
-            if r[i][j] != r[j][i] {
-                return Err(Error::OutOfRange {
-                    what,
-                    value: r[i][j] - r[j][i],
-                    needs: "it must be symmetric",
-                });
-            }
-            let inner: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
-            let rest = r[i][j] - inner;
-            if i > j {
-                l[i][j] = rest / l[j][j];
-            } else if rest > 0.0 {
-                l[i][i] = rest.sqrt();
-            } else {
-                return Err(Error::NotPositiveDefinite { what, row: i, pivot: rest });
-            }
-        }
-    }
-    Ok(l)
 }
 
 /// The covariance of independent components with these standard deviations.

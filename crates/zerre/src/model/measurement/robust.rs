@@ -1,8 +1,8 @@
 //! Heavier tails for any sensor, so that one wild value does not throw a filter off.
 
-use super::{HALF_LN_TAU, lower_factor};
 use crate::error::{Error, Result};
-use crate::math::{Real, ln_gamma};
+use crate::math::gaussian::LN_2PI;
+use crate::math::{Cholesky, Matrix, Real, ln_gamma};
 use crate::model::{GaussianMeasurement, Measurement};
 use crate::rng::Draws;
 use crate::time::Time;
@@ -246,8 +246,8 @@ fn outlier_probability(value: f64) -> Result<f64> {
 
 /// The largest value of ln N(v; 0, R).
 fn log_peak<const N: usize, const M: usize>(sensor: &impl GaussianMeasurement<N, M>) -> Result<f64> {
-    let factor = lower_factor("covariance of the measurement", &sensor.covariance())?;
-    Ok((0..M).map(|i| -Real::ln(factor[i][i]) - HALF_LN_TAU).sum())
+    let factor = Cholesky::of("covariance of the measurement", &Matrix(sensor.covariance()))?;
+    Ok(-0.5 * (factor.log_det() + M as f64 * LN_2PI))
 }
 
 /// ln(1 + x) for x > -1, without losing the digits of a small x: what 1 + x rounds away is added to first order.
