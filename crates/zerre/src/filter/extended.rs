@@ -7,7 +7,7 @@ use crate::math::{Dual, Matrix};
 use crate::model::{GaussianMeasurement, Motion};
 use crate::time::Time;
 
-/// A Gaussian goes through the tangent of the function at its mean (Jazwinski 1970, ch. 8): exact for linear
+/// A Gaussian goes through the tangent of the function at its mean (Jazwinski 1970): exact for linear
 /// functions, and nothing of a curvature is seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tangent;

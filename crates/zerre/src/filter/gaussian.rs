@@ -61,7 +61,7 @@ pub(crate) enum Deviations<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Observed<N, M> {
     /// Cov[x - K h(x) - K v], v ~ N(0, R): the posterior covariance as a sum of squares (Joseph form; Bucy and
-    /// Joseph 1968, ch. 16), which rounding cannot make indefinite, for any gain.
+    /// Joseph 1968), which rounding cannot make indefinite, for any gain.
     fn joseph(&self, prior: &Matrix<N, N>, gain: &Matrix<N, M>, noise: &Matrix<M, M>) -> Matrix<N, N> {
         let kept = match &self.deviations {
             Deviations::Linear(jacobian) => (Matrix::identity() - *gain * *jacobian).congruence(prior),
@@ -111,7 +111,7 @@ impl<const N: usize, const M: usize> Observed<N, M> {
 ///
 /// For noise with heavier tails, v ~ N(0, s R) with random s
 /// ([`covariance_scale`](GaussianMeasurement::covariance_scale) is then not 1), x and s are taken as independent
-/// given z (variational Bayes; Roth et al. 2017, IEEE Trans. Signal Process. 65(9)): in turns, the factor on R
+/// given z (variational Bayes; Piché, Särkkä and Hartikainen, MLSP 2012): in turns, the factor on R
 /// follows from the expected distance of z from h(x), the law of x from the factor, eight times over. Evidence is
 /// p(z | x) p(x) / p(x | z) at the updated mean with the model's own likelihood and the normal laws of x: exact where
 /// x is known. The gate is applied before, with the nominal R.

@@ -4,6 +4,7 @@
 mod common;
 mod consistency;
 mod exact;
+mod library;
 mod models;
 mod refusals;
 mod smoother;

@@ -47,7 +47,7 @@ fn sums_of_squares_are_exact() {
     }
 }
 
-/// The textbook's sum with its weights of the centre (Wan and van der Merwe 2000, eq. 15), for a motion that is
+/// The textbook's sum with its weights of the centre (Wan and van der Merwe 2000), for a motion that is
 /// linear neither in x nor in w; the rewritten sum must give the same.
 #[test]
 fn the_rewritten_sum_is_the_textbooks() {
