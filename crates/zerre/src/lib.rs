@@ -1,6 +1,7 @@
 //! Particle filters and their relatives.
 
 pub mod belief;
+pub mod catalog;
 pub mod error;
 pub mod filter;
 pub mod kernels;
@@ -8,6 +9,7 @@ pub mod math;
 pub mod model;
 pub mod resample;
 pub mod rng;
+pub mod smooth;
 pub mod time;
 pub mod track;
 

@@ -132,6 +132,14 @@ impl<const N: usize> Gaussian<N> {
             covariance: Matrix::from_entries(|i, j| self.covariance.0[components[i]][components[j]]),
         })
     }
+
+    /// The law of the `D` leading components: the position, in the order that [models](crate::model) keep.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if there are fewer.
+    pub fn position<const D: usize>(&self) -> Result<Gaussian<D>> {
+        self.marginal(from_fn(|i| i))
+    }
 }
 
 impl Gaussian<2> {
@@ -211,6 +219,8 @@ mod tests {
         let part = law.marginal([2, 0]).unwrap();
         assert_eq!((*part.mean(), part.covariance().0), ([3.0, 1.0], [[16.0, 0.5], [0.5, 4.0]]));
         assert!(law.marginal([3]).is_err());
+        assert_eq!(law.position::<2>().unwrap(), law.marginal([0, 1]).unwrap());
+        assert!(law.position::<4>().is_err());
     }
 
     /// Every point of the border lies at the squared Mahalanobis distance -2 ln(1 - p).

@@ -1,8 +1,17 @@
 //! Rules that change beliefs. A filter holds models and settings and never changes; a belief is a value.
 
+mod extended;
+mod gaussian;
+mod kalman;
 mod particle;
+mod unscented;
 
+pub(crate) use extended::MotionTangent;
+pub use extended::{Extended, Tangent};
+pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
+pub use kalman::{Kalman, Linear};
 pub use particle::{ParticleFilter, Prior, Settings};
+pub use unscented::{SigmaPoints, Unscented};
 
 use crate::error::Result;
 use crate::rng::Stream;

@@ -129,7 +129,8 @@ impl<const K: usize> Real for Dual<K> {
         (self.chain(s, c), self.chain(c, -s))
     }
     fn atan2(self, x: Self) -> Self {
-        let r2 = self.value * self.value + x.value * x.value;
+        // At the origin there is no derivative; zero is taken.
+        let r2 = self.value * self.value + x.value * x.value + f64::MIN_POSITIVE;
         self.chain2(x, Real::atan2(self.value, x.value), x.value / r2, -self.value / r2)
     }
 }

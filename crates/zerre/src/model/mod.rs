@@ -8,9 +8,11 @@
 mod likelihood;
 pub mod measurement;
 pub mod motion;
+pub mod simulate;
 
 use crate::error::Result;
 use crate::math::Real;
+use crate::rng::Draws;
 use crate::time::Time;
 pub use likelihood::Likelihood;
 
@@ -90,6 +92,9 @@ pub trait Measurement<const N: usize>: Send + Sync {
 }
 
 /// A measurement z = h(x) + v with v ~ N(0, R) and `M` components: what the Kalman family needs.
+///
+/// Noise with heavier tails takes part as a scale mixture of normals, v ~ N(0, s R) with random s: see
+/// [`GaussianMeasurement::covariance_scale`].
 pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
     /// Which components are angles: their differences are wrapped into (-pi, pi].
     const ANGLE: [bool; M] = [false; M];
@@ -102,4 +107,15 @@ pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
 
     /// R, `M` x `M`, in the units of the components squared.
     fn covariance(&self) -> [[f64; M]; M];
+
+    /// What R must be multiplied by once the residual r = z - h(x) is known: 1 / E[1 / s | r], given the squared
+    /// Mahalanobis distance r' R^-1 r (its expectation, where x is uncertain). Normal noise has 1.
+    fn covariance_scale(&self, _mahalanobis_squared: f64) -> f64 {
+        1.0
+    }
+
+    /// Draws s for a simulation.
+    fn draw_covariance_scale(&self, _draws: &mut Draws) -> f64 {
+        1.0
+    }
 }

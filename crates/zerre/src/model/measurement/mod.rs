@@ -5,14 +5,33 @@
 //! density of an angle is the normal density of its wrapped residual: it integrates to 1 up to the tail beyond pi,
 //! which is below 1e-9 for standard deviations under half a radian.
 
+mod bearing_only;
+mod growth;
+mod linear;
 mod position;
 mod range_bearing;
+mod range_bearing_elevation;
+mod range_only;
+mod range_rate;
+mod robust;
+mod upf_growth;
 
+pub use bearing_only::{BearingOnly, BearingOnlyGiven};
+pub use growth::{Growth, GrowthGiven};
+pub use linear::{Linear, LinearGiven};
 pub use position::{Position, PositionGiven};
 pub use range_bearing::{RangeBearing, RangeBearingGiven};
+pub use range_bearing_elevation::{RangeBearingElevation, RangeBearingElevationGiven};
+pub use range_only::{RangeOnly, RangeOnlyGiven};
+pub use range_rate::{RangeRate, RangeRateGiven};
+pub use robust::{
+    OutlierMixture, OutlierMixtureGiven, StudentT, StudentTGiven, UniformOutliers, UniformOutliersGiven,
+};
+pub use upf_growth::{UpfGrowth, UpfGrowthGiven};
 
 use crate::error::{Error, Result};
 use crate::math::Real;
+use crate::math::gaussian::LN_2PI;
 
 /// `z` if all its components are finite.
 fn finite<'z, const M: usize>(what: &'static str, z: &'z [f64; M]) -> Result<&'z [f64; M]> {
@@ -33,17 +52,38 @@ fn direction(what: &'static str, value: f64) -> Result<(f64, f64)> {
 
 /// -sum ln(sd sqrt(2 pi)): the constant of a normal density of independent components.
 fn log_constant(sds: &[f64]) -> f64 {
-    sds.iter().map(|&sd| -Real::ln(sd) - HALF_LN_TAU).sum()
+    sds.iter().map(|&sd| -Real::ln(sd) - 0.5 * LN_2PI).sum()
 }
 
-/// ln(2 pi) / 2.
-const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
-
-/// Length of (`dx`, `dy`). The smallest normal number inside the root changes no length that matters and keeps the
+/// Length of a vector. The smallest normal number inside the root changes no length that matters and keeps the
 /// derivatives at the sensor itself zero instead of NaN.
 #[inline(always)]
-fn length<R: Real>(dx: R, dy: R) -> R {
-    dx.mul_add(dx, dy.mul_add(dy, dy.constant(f64::MIN_POSITIVE))).sqrt()
+fn length<R: Real, const D: usize>(d: [R; D]) -> R {
+    let mut sum = d[0].constant(f64::MIN_POSITIVE);
+    for d in d {
+        sum = d.mul_add(d, sum);
+    }
+    sum.sqrt()
+}
+
+/// The vector from `origin` to the position at the front of the state.
+#[inline(always)]
+fn from_sensor<R: Real, const D: usize, const N: usize>(x: &[R; N], origin: &[f64; D]) -> [R; D] {
+    const { assert!(D > 0 && N >= D, "the state has no position of so many dimensions") };
+    let mut d = [x[0]; D];
+    for i in 0..D {
+        d[i] = x[i] - origin[i];
+    }
+    d
+}
+
+/// Angle of the point (`ahead`, `left`) less the angle of which `sin` and `cos` are given. Turned back by that
+/// angle, the point's direction is the difference itself, already wrapped into (-pi, pi].
+#[inline(always)]
+fn turned_back<R: Real>(ahead: R, left: R, sin: f64, cos: f64) -> R {
+    let y = left.mul_add(left.constant(cos), -(ahead * sin));
+    let x = ahead.mul_add(ahead.constant(cos), left * sin);
+    y.atan2(x)
 }
 
 /// The covariance of independent components with these standard deviations.

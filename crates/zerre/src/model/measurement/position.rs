@@ -1,6 +1,6 @@
 //! The position itself: a camera, a satellite receiver, a tracker further down.
 
-use super::{finite, log_constant};
+use super::{diagonal, finite, log_constant};
 use crate::error::{Error, Result};
 use crate::math::Real;
 use crate::model::{GaussianMeasurement, Measurement};
@@ -65,6 +65,6 @@ impl<const N: usize, const D: usize> GaussianMeasurement<N, D> for Position<D> {
     }
 
     fn covariance(&self) -> [[f64; D]; D] {
-        super::diagonal([self.sd; D])
+        diagonal([self.sd; D])
     }
 }

@@ -1,6 +1,6 @@
-//! Range and bearing: a scanning radar, a sonar (Bar-Shalom, section 10.4.3).
+//! Range and bearing: a scanning radar, a sonar (Bar-Shalom, Li and Kirubarajan 2001, chapter 10).
 
-use super::{diagonal, direction, finite, length, log_constant};
+use super::{diagonal, direction, finite, from_sensor, length, log_constant, turned_back};
 use crate::error::{Error, Result};
 use crate::math::Real;
 use crate::model::{GaussianMeasurement, Measurement};
@@ -62,13 +62,9 @@ impl<const N: usize> Measurement<N> for RangeBearing {
 
     #[inline(always)]
     fn log_likelihood<R: Real>(given: &RangeBearingGiven, x: [R; N]) -> R {
-        const { assert!(N >= 2, "the state has no position in the plane") };
-        let (dx, dy) = (x[0] - given.sensor[0], x[1] - given.sensor[1]);
-        // Turned back by the measured bearing, the direction is the residual itself, already wrapped.
-        let ahead = dx.mul_add(dx.constant(given.cos), dy * given.sin);
-        let left = dy.mul_add(dy.constant(given.cos), -(dx * given.sin));
-        let range = (length(dx, dy) - given.range) * given.per_range_sd;
-        let bearing = left.atan2(ahead) * given.per_bearing_sd;
+        let [dx, dy] = from_sensor(&x, &given.sensor);
+        let range = (length([dx, dy]) - given.range) * given.per_range_sd;
+        let bearing = turned_back(dx, dy, given.sin, given.cos) * given.per_bearing_sd;
         range.mul_add(range, bearing * bearing) * -0.5 + given.constant
     }
 }
@@ -78,9 +74,8 @@ impl<const N: usize> GaussianMeasurement<N, 2> for RangeBearing {
 
     #[inline(always)]
     fn predict<R: Real>(&self, _: Time, x: [R; N]) -> [R; 2] {
-        const { assert!(N >= 2, "the state has no position in the plane") };
-        let (dx, dy) = (x[0] - self.sensor[0], x[1] - self.sensor[1]);
-        [length(dx, dy), dy.atan2(dx)]
+        let [dx, dy] = from_sensor(&x, &self.sensor);
+        [length([dx, dy]), dy.atan2(dx)]
     }
 
     fn components(&self, z: &[f64; 2]) -> [f64; 2] {

@@ -5,11 +5,32 @@
 //! Navigation*, Wiley 2001 ("Bar-Shalom"); Li and Jilkov, *Survey of maneuvering target tracking, part I: dynamic
 //! models*, IEEE Transactions on Aerospace and Electronic Systems 39(4), 2003 ("Li and Jilkov").
 
+mod constant_acceleration;
 mod constant_velocity;
+mod coordinated_turn;
+mod growth;
+mod manoeuvre_turn;
+mod markov_turn;
 mod random_walk;
+mod singer;
+mod third_order;
+mod turn;
+mod upf_growth;
+mod wiener_acceleration;
+mod wiener_turn;
 
+pub use constant_acceleration::ConstantAcceleration;
 pub use constant_velocity::{ConstantVelocity, ConstantVelocityStep};
+pub use coordinated_turn::{CoordinatedTurn, CoordinatedTurnStep};
+pub use growth::{Growth, GrowthStep};
+pub use manoeuvre_turn::{ManoeuvreTurn, ManoeuvreTurnStep};
+pub use markov_turn::{MarkovTurn, MarkovTurnStep};
 pub use random_walk::{RandomWalk, RandomWalkStep};
+pub use singer::Singer;
+pub use third_order::ThirdOrderStep;
+pub use upf_growth::{UpfGrowth, UpfGrowthStep};
+pub use wiener_acceleration::{WienerAcceleration, WienerAccelerationStep};
+pub use wiener_turn::{WienerTurn, WienerTurnStep};
 
 use crate::error::{Error, Result};
 use crate::math::Real;
@@ -25,3 +46,34 @@ fn elapsed(from: Time, to: Time) -> Result<f64> {
 fn add_scaled<R: Real>(base: R, c: f64, a: R) -> R {
     a.mul_add(a.constant(c), base)
 }
+
+/// A time constant: finite and not below the resolution of [`Time`], so that no quotient overflows.
+fn time_constant(what: &'static str, value: f64) -> Result<f64> {
+    if Error::finite(what, value)? >= 1e-9 {
+        Ok(value)
+    } else {
+        Err(Error::OutOfRange { what, value, needs: "it must be a nanosecond or longer" })
+    }
+}
+
+/// [`Motion`](super::Motion) in one, two and three dimensions for a model with `step(dt) -> ThirdOrderStep`.
+macro_rules! third_order_motion {
+    ($model:ident) => {
+        super::third_order_motion!($model: 1, 2, 3);
+    };
+    ($model:ident: $($d:literal),+) => {$(
+        impl Motion<{ 3 * $d }, { 3 * $d }> for $model<$d> {
+            type Step = ThirdOrderStep;
+
+            fn over(&self, from: Time, to: Time) -> Result<ThirdOrderStep> {
+                Ok(self.step(elapsed(from, to)?))
+            }
+
+            #[inline(always)]
+            fn apply<R: Real>(step: &ThirdOrderStep, x: [R; 3 * $d], w: [R; 3 * $d]) -> [R; 3 * $d] {
+                step.apply::<R, $d, { 3 * $d }>(x, w)
+            }
+        }
+    )+};
+}
+use third_order_motion;

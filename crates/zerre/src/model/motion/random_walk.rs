@@ -1,4 +1,4 @@
-//! Random walk: dx = sqrt(q) dB (Bar-Shalom, section 4.3.1).
+//! Random walk: dx = sqrt(q) dB (Bar-Shalom, chapter 4).
 
 use super::{add_scaled, elapsed};
 use crate::error::{Error, Result};

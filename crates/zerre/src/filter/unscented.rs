@@ -1,0 +1,173 @@
+//! The unscented Kalman filter: sigma points instead of derivatives.
+
+use super::gaussian::{Deviations, GaussianFilter, Observed, Transform};
+use crate::belief::Gaussian;
+use crate::error::{Error, Result};
+use crate::math::{Cholesky, Matrix, wrap};
+use crate::model::{GaussianMeasurement, Motion};
+use crate::time::Time;
+use std::array::from_fn;
+
+/// A Gaussian of n variables goes through a function by 2 n + 1 of its points: the mean and, along each column of a
+/// square root of the covariance, plus and minus sqrt(c) of it, c = alpha^2 (n + kappa) (Julier and Uhlmann 2004;
+/// Wan and van der Merwe 2000 for the three parameters).
+///
+/// With y_0 the image of the mean and y_i the others, which weigh 1 / 2c each, the mean is y_0 + sum (y_i - y_0) / 2c
+/// and the covariance is sum (y_i - e)(y_i - e)' / 2c about a point e on the line from y_0 to the mean. That is the
+/// usual sum with its weight of the centre, 1 - n/c + 1 - alpha^2 + beta, rewritten so that all weights are positive:
+/// e exists, and no covariance can become indefinite, if and only if beta >= -alpha^2 kappa / n. Other parameters
+/// are refused.
+///
+/// The default is alpha = 1, beta = 1, kappa = 2 - n, so c = 2 for any n and e = y_0. Mean and covariance are then
+/// exact for linear functions and for sums of squares of the whitened variables, which the often seen kappa = 3 - n
+/// (exact fourth moment along an axis) is not beyond one variable, and needs negative weights for n > 3.
+///
+/// Angles are taken as wrapped differences from y_0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SigmaPoints {
+    /// Shrinks the distance of the points.
+    pub alpha: f64,
+    /// Adds to the weight of the centre in the covariance.
+    pub beta: f64,
+    /// Sets the distance of the points; `None` is 2 - n.
+    pub kappa: Option<f64>,
+}
+
+impl Default for SigmaPoints {
+    fn default() -> Self {
+        SigmaPoints { alpha: 1.0, beta: 1.0, kappa: None }
+    }
+}
+
+/// Parameters digested for a number of variables.
+#[derive(Clone, Copy)]
+struct Spread {
+    /// Distance of the points in standard deviations, sqrt(c).
+    distance: f64,
+    /// Weight of each point but the centre, 1 / 2c.
+    weight: f64,
+    /// e = y_0 + shift (mean - y_0).
+    shift: f64,
+}
+
+impl SigmaPoints {
+    fn spread(&self, n: usize) -> Result<Spread> {
+        let n = n as f64;
+        let squared = self.alpha * self.alpha;
+        let c = Error::positive("alpha^2 (n + kappa)", squared * (n + self.kappa.unwrap_or(2.0 - n)))?;
+        // sum (y_i - y_0)(y_i - y_0)' / 2c + excess d d' with d = mean - y_0; completing the square moves the centre.
+        let excess = Error::finite("beta", self.beta)? - squared;
+        let root = 1.0 + excess * n / c;
+        if root < 0.0 {
+            let needs = "it must be at least -alpha^2 kappa / n, or covariances become indefinite";
+            return Err(Error::OutOfRange { what: "beta", value: self.beta, needs });
+        }
+        Ok(Spread { distance: c.sqrt(), weight: 0.5 / c, shift: (1.0 - root.sqrt()) * c / n })
+    }
+}
+
+impl Spread {
+    /// From the deviations y_i - y_0: mean - y_0 and e - y_0.
+    fn centres<'a, const K: usize>(
+        &self,
+        deviations: impl Iterator<Item = &'a [f64; K]>,
+    ) -> ([f64; K], [f64; K]) {
+        let sum = deviations.fold([0.0; K], |sum, d| from_fn(|i| sum[i] + d[i]));
+        let mean = sum.map(|s| s * self.weight);
+        (mean, mean.map(|m| m * self.shift))
+    }
+}
+
+/// The unscented Kalman filter. The motion is sampled in x and w together, so process noise may enter anywhere; the
+/// measurement's noise is additive, and its points are drawn anew from the predicted law.
+pub type Unscented<A, H, const N: usize, const W: usize, const M: usize> =
+    GaussianFilter<SigmaPoints, A, H, N, W, M>;
+
+impl<A, H, const N: usize, const W: usize, const M: usize> Unscented<A, H, N, W, M>
+where
+    A: Motion<N, W>,
+    H: GaussianMeasurement<N, M>,
+{
+    /// The filter of these models, started from `prior`; `points` is [`SigmaPoints::default`] unless there is a
+    /// reason.
+    ///
+    /// # Errors
+    /// Parameters that give no points, or negative variances (see [`SigmaPoints`]).
+    pub fn new(motion: A, measurement: H, prior: Gaussian<N>, points: SigmaPoints) -> Result<Self> {
+        points.spread(N + W)?;
+        points.spread(N)?;
+        Ok(GaussianFilter::of(points, motion, measurement, prior))
+    }
+}
+
+impl Transform for SigmaPoints {
+    fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
+        &self,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Gaussian<N>> {
+        let spread = self.spread(N + W)?;
+        let noise = motion.noise();
+        let (mean, w) = (*state.mean(), [noise.mean(); W]);
+        let centre = A::apply(step, mean, w);
+        let deviation = |x: [f64; N], w: [f64; W]| -> [f64; N] {
+            let y = A::apply(step, x, w);
+            from_fn(|i| y[i] - centre[i])
+        };
+        let root = Cholesky::semidefinite("covariance of the state", state.covariance())?;
+        let by_state: [[[f64; N]; 2]; N] = from_fn(|j| {
+            [spread.distance, -spread.distance].map(|d| deviation(from_fn(|i| mean[i] + d * root.0[i][j]), w))
+        });
+        let distance = spread.distance * noise.variance().sqrt();
+        let by_noise: [[[f64; N]; 2]; W] = from_fn(|j| {
+            [distance, -distance].map(|d| {
+                let mut moved = w;
+                moved[j] += d;
+                deviation(mean, moved)
+            })
+        });
+        let deviations = || by_state.iter().chain(&by_noise).flatten();
+        let (to_mean, to_e) = spread.centres(deviations());
+        let covariance = deviations().fold(Matrix::ZERO, |sum, d| {
+            let d: [f64; N] = from_fn(|i| d[i] - to_e[i]);
+            sum + Matrix::outer(&d, &d) * spread.weight
+        });
+        let mean = from_fn(|i| centre[i] + to_mean[i]);
+        Gaussian::computed("predicted mean", "predicted covariance", mean, covariance)
+    }
+
+    fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
+        &self,
+        measurement: &H,
+        at: Time,
+        state: &Gaussian<N>,
+    ) -> Result<Observed<N, M>> {
+        let spread = self.spread(N)?;
+        let x = state.mean();
+        let centre = measurement.predict(at, *x);
+        let root = Cholesky::semidefinite("covariance of the state", state.covariance())?;
+        let columns: [[f64; N]; N] = from_fn(|j| root.column(j).map(|r| r * spread.distance));
+        let mut measured: [[[f64; M]; 2]; N] = columns.map(|dx| {
+            [1.0, -1.0].map(|sign| {
+                let z = measurement.predict::<f64>(at, from_fn(|i| x[i] + sign * dx[i]));
+                from_fn(|i| if H::ANGLE[i] { wrap(z[i] - centre[i]) } else { z[i] - centre[i] })
+            })
+        });
+        let (to_mean, to_e) = spread.centres(measured.iter().flatten());
+        let (mut covariance, mut cross) = (Matrix::ZERO, Matrix::ZERO);
+        for (dx, pair) in columns.iter().zip(&mut measured) {
+            for (sign, dz) in [spread.weight, -spread.weight].into_iter().zip(pair) {
+                *dz = from_fn(|i| dz[i] - to_e[i]);
+                covariance = covariance + Matrix::outer(dz, dz) * spread.weight;
+                cross = cross + Matrix::outer(dx, dz) * sign;
+            }
+        }
+        let mean = from_fn(|i| {
+            let z = centre[i] + to_mean[i];
+            if H::ANGLE[i] { wrap(z) } else { z }
+        });
+        let deviations = Deviations::Points { weight: spread.weight, state: columns, measured };
+        Ok(Observed { mean, covariance, cross, deviations })
+    }
+}

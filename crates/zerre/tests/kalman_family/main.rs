@@ -1,0 +1,11 @@
+//! The laws of the Kalman family: exactness, consistency, and what bad input does.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod consistency;
+mod exact;
+mod library;
+mod models;
+mod refusals;
+mod smoother;
+mod unscented;
