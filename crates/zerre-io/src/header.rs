@@ -227,12 +227,13 @@ fn found(header: &[String], role: Option<Role>) -> String {
     let names: Vec<_> = header.iter().take(SHOWN).map(|h| format!("{:?}", shorten(h))).collect();
     let more = if header.len() > SHOWN { ", ..." } else { "" };
     let mut text = format!("the header has {}{more}", names.join(", "));
+    if header.len() == 1 && header[0].contains([';', '\t']) {
+        return text + "; separate the columns by commas";
+    }
     let near =
         |h: &String| columns::did_you_mean(h).filter(|n| Column::find(n).map(|c| c.quantity.role()) == role);
     if let Some((name, target)) = header.iter().find_map(|h| near(h).map(|n| (h, n))) {
         text += &format!("; does {:?} mean {target}?", shorten(name));
-    } else if header.len() == 1 && header[0].contains([';', '\t']) {
-        text += "; separate the columns by commas";
     }
     text
 }

@@ -116,11 +116,12 @@ impl Row {
     }
 }
 
-/// Why a row is passed over: the cell at fault, its text and the reason.
-struct Fault<'a> {
-    cell: Option<usize>,
-    value: &'a str,
-    reason: &'static str,
+/// Why a row is passed over.
+enum Passed<'a> {
+    /// It is sound, but no measurement.
+    LeftOut(&'static str),
+    /// It is bad: the cell at fault, its text and the reason.
+    Bad { cell: Option<usize>, value: &'a str, reason: &'static str },
 }
 
 /// The sound rows of a table, and the books on all of them.
@@ -193,10 +194,10 @@ impl<R: BufRead> Rows<R> {
                     &mut self.names,
                     &mut self.counts.missing,
                 ),
-                Err(reason) => Err(Fault { cell: None, value: text.trim(), reason }),
+                Err(reason) => Err(Passed::Bad { cell: None, value: text.trim(), reason }),
             };
             match parsed {
-                Ok(Parsed::Row(mut row)) => {
+                Ok(mut row) => {
                     row.line = line;
                     if self.repeats(&row) {
                         *self.counts.left_out.entry("repeated report").or_default() += 1;
@@ -204,14 +205,13 @@ impl<R: BufRead> Rows<R> {
                         return Ok(Some(row));
                     }
                 }
-                Ok(Parsed::LeftOut(reason)) => *self.counts.left_out.entry(reason).or_default() += 1,
-                Err(fault) => {
+                Err(Passed::LeftOut(reason)) => *self.counts.left_out.entry(reason).or_default() += 1,
+                Err(Passed::Bad { cell, value, reason }) => {
                     self.counts.missing = missing;
-                    *self.counts.rejected.entry(fault.reason).or_default() += 1;
+                    *self.counts.rejected.entry(reason).or_default() += 1;
                     if self.rejections.len() < KEPT_REJECTIONS {
-                        let column = fault.cell.map(|i| shorten(&self.layout.header[i]));
-                        let (value, reason) = (shorten(fault.value), fault.reason);
-                        self.rejections.push(Rejection { line, column, value, reason });
+                        let column = cell.map(|i| shorten(&self.layout.header[i]));
+                        self.rejections.push(Rejection { line, column, value: shorten(value), reason });
                     }
                 }
             }
@@ -273,11 +273,6 @@ impl<R: BufRead> Rows<R> {
     }
 }
 
-enum Parsed {
-    Row(Row),
-    LeftOut(&'static str),
-}
-
 fn parse<'a>(
     layout: &Layout,
     cells: &'a Cells,
@@ -285,17 +280,17 @@ fn parse<'a>(
     frame: &mut Option<LocalFrame>,
     names: &mut HashMap<Box<str>, Arc<str>>,
     missing: &mut u64,
-) -> std::result::Result<Parsed, Fault<'a>> {
+) -> std::result::Result<Row, Passed<'a>> {
     if cells.len() != layout.header.len() {
         let reason = "another number of cells than the header";
-        return Err(Fault { cell: None, value: "", reason });
+        return Err(Passed::Bad { cell: None, value: "", reason });
     }
     if let Some((cell, text, reason)) = layout.leave_out
         && cells.get(cell) == text
     {
-        return Ok(Parsed::LeftOut(reason));
+        return Err(Passed::LeftOut(reason));
     }
-    let fault = |cell: usize, reason| Fault { cell: Some(cell), value: cells.get(cell), reason };
+    let fault = |cell: usize, reason| Passed::Bad { cell: Some(cell), value: cells.get(cell), reason };
 
     let Some(slot) = layout.times.iter().find(|s| !cells.get(s.cell).is_empty()) else {
         return Err(fault(layout.times.first().map_or(0, |s| s.cell), "no time"));
@@ -324,7 +319,7 @@ fn parse<'a>(
         (Some(cell), Some(text)) => Some(text.parse().map_err(|_| fault(cell, "not a whole number"))?),
         _ => None,
     };
-    let position = position(layout, options, frame, &values).map_err(|reason| Fault {
+    let position = position(layout, options, frame, &values).map_err(|reason| Passed::Bad {
         cell: None,
         value: "",
         reason,
@@ -339,7 +334,7 @@ fn parse<'a>(
     };
     let id = label(layout.id).or(layout.dialect.id).map(&mut intern);
     let sensor = label(layout.sensor).map(&mut intern);
-    Ok(Parsed::Row(Row { line: 0, time, id, sensor, scan, position, values }))
+    Ok(Row { line: 0, time, id, sensor, scan, position, values })
 }
 
 /// The position in the local frame. The first geographic one makes the frame.
