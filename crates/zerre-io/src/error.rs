@@ -150,6 +150,14 @@ pub enum Error {
         /// What the header holds instead, as a clause.
         found: String,
     },
+    /// A format that does not exist.
+    #[error("there is no format {name:?}; there are {known}")]
+    UnknownFormat {
+        /// The name asked for.
+        name: String,
+        /// The names that exist, joined by commas.
+        known: String,
+    },
     /// A table that is not of the format asked for.
     #[error("{file}: this is no {format} table, the column {missing:?} is missing; try --format auto")]
     FormatMismatch {

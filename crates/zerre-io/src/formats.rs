@@ -45,13 +45,15 @@ impl fmt::Display for Format {
 }
 
 impl std::str::FromStr for Format {
-    type Err = String;
+    type Err = Error;
 
-    /// The format of this name; the error is a sentence that lists the names.
-    fn from_str(name: &str) -> std::result::Result<Format, String> {
-        let names = || Format::ALL.iter().map(|(_, name, _)| *name).collect::<Vec<_>>().join(", ");
-        let found = Format::ALL.iter().find(|(_, known, _)| *known == name);
-        found.map(|(format, ..)| *format).ok_or_else(|| format!("no format {name:?}; there are {}", names()))
+    /// The format of this name, or [`Error::UnknownFormat`].
+    fn from_str(name: &str) -> Result<Format> {
+        let found = Format::ALL.iter().find(|(_, known, _)| *known == name).map(|(format, ..)| *format);
+        found.ok_or_else(|| Error::UnknownFormat {
+            name: name.to_owned(),
+            known: Format::ALL.iter().map(|(_, name, _)| *name).collect::<Vec<_>>().join(", "),
+        })
     }
 }
 
@@ -183,10 +185,10 @@ mod tests {
     #[test]
     fn names_go_both_ways() {
         for (format, name, _) in Format::ALL {
-            assert_eq!(name.parse(), Ok(*format));
+            assert_eq!(name.parse::<Format>().unwrap(), *format);
             assert_eq!(format.to_string(), *name);
             assert_eq!(serde_json::to_value(format).unwrap(), *name);
         }
-        assert!("kml".parse::<Format>().unwrap_err().contains("opensky"));
+        assert!("kml".parse::<Format>().unwrap_err().to_string().contains("opensky"));
     }
 }

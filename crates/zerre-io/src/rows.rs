@@ -1,6 +1,6 @@
 //! Rows of a table, one line at a time: checked, in SI units, counted.
 
-use crate::columns::Quantity;
+use crate::columns::{Quantity, Role};
 use crate::error::{Error, Result};
 use crate::formats::Format;
 use crate::geo::{Geodetic, LocalFrame};
@@ -19,7 +19,7 @@ pub const MAX_LINE_BYTES: usize = 1 << 20;
 const KEPT_REJECTIONS: usize = 100;
 
 /// How to read a table.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Options {
     /// Whose table it is.
     pub format: Format,
@@ -306,9 +306,9 @@ fn parse<'a>(
     let mut values = [None; Quantity::NUMBERS];
     for slot in &layout.numbers {
         let (text, quantity) = (cells.get(slot.cell), slot.column.quantity);
-        let absent = |v: f64| layout.dialect.absent.iter().any(|(q, code)| *q == quantity && *code == v);
-        if text.is_empty() || text.parse().is_ok_and(absent) {
-            *missing += u64::from(quantity.role() == crate::columns::Role::Measurement);
+        let code = layout.dialect.absent.iter().find(|(q, _)| *q == quantity).map(|(_, code)| *code);
+        if text.is_empty() || code.is_some_and(|code| text.parse() == Ok(code)) {
+            *missing += u64::from(quantity.role() == Role::Measurement);
         } else {
             let value = slot.column.number(text).map_err(|reason| fault(slot.cell, reason))?;
             values[quantity as usize] = Some(value);

@@ -201,7 +201,8 @@ impl TrackTable {
     }
 
     /// Writes GeoJSON (RFC 7946): a line for each track with its identity, start, end and number of points as
-    /// properties; cut at the antimeridian, a point where there is only one. Heights are left out.
+    /// properties; cut at the antimeridian, a point where there is only one. Heights are left out,
+    /// and positions beyond the reach of the frame ([`LocalFrame::surface`]).
     ///
     /// # Errors
     /// [`Error::NoPosition`] unless there are components `x` and `y` in metres.
@@ -323,11 +324,12 @@ fn check(components: &[Component], row: &TrackRow) -> Result<()> {
         let (means, covariances) = (row.mean.len(), row.covariance.len());
         return bad(format!("{means} means and {covariances} covariances, {n} and {} expected", n * n));
     }
-    for (name, number) in number_columns(components) {
-        let value = number.of(row);
-        if !value.is_finite() {
-            return bad(format!("{name} is {value}, a finite number is needed"));
-        }
+    // The names are made for the message only: this runs for every row.
+    if !row.mean.iter().chain(&row.covariance).all(|v| v.is_finite()) {
+        let mut numbers = number_columns(components).into_iter().map(|(name, number)| (name, number.of(row)));
+        let worst = numbers.find(|(_, value)| !value.is_finite());
+        let (name, value) = worst.unwrap_or(("the lower triangle of the covariance".into(), f64::NAN));
+        return bad(format!("{name} is {value}, a finite number is needed"));
     }
     match row.log_evidence {
         Some(l) if !l.is_finite() => bad(format!("log_evidence is {l}, a finite number is needed")),

@@ -131,3 +131,25 @@ fn streaming_gives_the_rows_of_the_file() {
     assert!(reader.by_ref().all(|p| p.is_ok()));
     assert_eq!(reader.finish().unwrap().counts.used, 965);
 }
+
+#[test]
+fn the_small_flight_of_the_repository() {
+    let r = Recording::open(&workspace().join("data/uav.csv"), &Options::default()).unwrap();
+    assert_eq!((r.summary.format, r.summary.counts.used), (Format::Uav, 300));
+    let steps = r.plots.windows(2).map(|w| (w[1].time - w[0].time).nanos());
+    assert!(steps.clone().all(|s| s == 1_000_000_000), "one position a second");
+}
+
+#[test]
+fn the_small_ferry_of_the_repository() {
+    let radar = Recording::open(&workspace().join("data/ferry_radar.csv"), &Options::default()).unwrap();
+    let truth = Trajectories::open(&workspace().join("data/ferry_truth.csv"), &Options::default()).unwrap();
+    assert_eq!((radar.plots.len(), targets(&radar.plots)), (133, 2));
+    assert_eq!(truth.by_id.values().map(|t| t.points().len()).collect::<Vec<_>>(), [70, 70]);
+    for p in &radar.plots {
+        let Reading::Position2([x, y]) = p.reading else { panic!("a position") };
+        let [tx, ty, _] = truth.by_id[p.id.as_deref().unwrap()].at(p.time, Span::ZERO).unwrap();
+        // The gate of the association, and half a millimetre of rounding on four numbers.
+        assert!((x - tx).hypot(y - ty) <= 25.001, "line {}", p.line);
+    }
+}
