@@ -181,9 +181,9 @@ impl<R: BufRead> Rows<R> {
 
     fn next_sound(&mut self) -> Result<Option<Row>> {
         while self.lines.advance()? {
-            self.counts.read += 1;
             let line = self.lines.line;
             let text = self.lines.text()?;
+            self.counts.read += 1;
             let missing = self.counts.missing;
             let parsed = match self.cells.split(text) {
                 Ok(()) => parse(
