@@ -1,0 +1,247 @@
+//! From the header of a table to the cells that hold its quantities.
+
+use crate::columns::{self, Column, IGNORE, Quantity, Role};
+use crate::error::{Error, Result};
+use crate::formats::{self, Dialect};
+use crate::rows::Options;
+use serde::Serialize;
+
+/// A column that is neither known nor mapped.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Ignored {
+    /// Its name in the header.
+    pub column: String,
+    /// The known name that may have been meant.
+    pub did_you_mean: Option<&'static str>,
+}
+
+/// What a table is read for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Measurements,
+    Positions,
+}
+
+impl Purpose {
+    fn wants(self, quantity: Quantity) -> bool {
+        use Quantity::*;
+        match quantity.role() {
+            Role::Time | Role::Label => true,
+            Role::Measurement => {
+                self == Purpose::Measurements
+                    || matches!(quantity, X | Y | Z | Latitude | Longitude | Altitude)
+            }
+            Role::Estimate => self == Purpose::Positions,
+        }
+    }
+}
+
+/// A known column and where it is.
+#[derive(Clone, Copy)]
+pub(crate) struct Slot {
+    pub cell: usize,
+    pub column: &'static Column,
+}
+
+/// Which cell of a row holds what.
+pub(crate) struct Layout {
+    pub dialect: &'static Dialect,
+    pub header: Vec<String>,
+    /// In order of preference.
+    pub times: Vec<Slot>,
+    pub numbers: Vec<Slot>,
+    pub id: Option<usize>,
+    pub sensor: Option<usize>,
+    pub scan: Option<usize>,
+    /// Cell, text and reason of rows that are no measurement.
+    pub leave_out: Option<(usize, &'static str, &'static str)>,
+    pub ignored: Vec<Ignored>,
+}
+
+impl Layout {
+    /// Finds the columns, or says why this is no such table.
+    pub fn new(
+        file: &str,
+        line: u64,
+        header: Vec<String>,
+        options: &Options,
+        purpose: Purpose,
+    ) -> Result<Layout> {
+        for column in options.columns.keys() {
+            if !header.contains(column) {
+                let (file, found) = (file.to_owned(), found(&header, None));
+                return Err(Error::NotInHeader { file, column: column.clone(), found });
+            }
+        }
+        let dialect = formats::dialect(file, options.format, &header)?;
+        let (slots, ignored) = assign(file, &header, dialect, options, purpose)?;
+        let of = |role: Role| slots.iter().filter(move |s| s.column.quantity.role() == role).copied();
+        let label = |q: Quantity| slots.iter().find(|s| s.column.quantity == q).map(|s| s.cell);
+
+        let mut times: Vec<Slot> = of(Role::Time).collect();
+        let preference =
+            |s: &Slot| dialect.columns.iter().position(|(name, _)| *name == header[s.cell]).unwrap_or(0);
+        times.sort_by_key(preference);
+        if times.is_empty() {
+            // Names are not numbers: a first row with numbers and without a time is data.
+            if let Some(value) = header.iter().find(|h| h.parse::<f64>().is_ok()) {
+                return Err(Error::NoHeader { file: file.to_owned(), line, value: value.clone() });
+            }
+            return Err(Error::NoTime { file: file.to_owned(), found: found(&header, Some(Role::Time)) });
+        }
+        let leave_out = dialect.leave_out.and_then(|(column, cell, reason)| {
+            header.iter().position(|h| h == column).map(|i| (i, cell, reason))
+        });
+        let numbers =
+            slots.iter().filter(|s| (s.column.quantity as usize) < Quantity::NUMBERS).copied().collect();
+        let (id, sensor, scan) = (label(Quantity::Id), label(Quantity::Sensor), label(Quantity::Scan));
+        let layout = Layout { dialect, times, numbers, id, sensor, scan, leave_out, ignored, header };
+        layout.check(file, options, purpose)?;
+        Ok(layout)
+    }
+
+    /// Whether a column gives this quantity.
+    pub fn has(&self, quantity: Quantity) -> bool {
+        self.numbers.iter().any(|s| s.column.quantity == quantity)
+    }
+
+    /// Whether positions are geographic.
+    pub fn geographic(&self) -> bool {
+        self.has(Quantity::Latitude)
+    }
+
+    fn check(&self, file: &str, options: &Options, purpose: Purpose) -> Result<()> {
+        use Quantity::*;
+        let file = || file.to_owned();
+        let pairs: &[(Quantity, &[Quantity], &str)] = &[
+            (X, &[Y], "a y in metres or kilometres"),
+            (Y, &[X], "an x in metres or kilometres"),
+            (Z, &[X, Y], "x and y in metres or kilometres"),
+            (Latitude, &[Longitude], "lon_deg"),
+            (Longitude, &[Latitude], "lat_deg"),
+            (Elevation, &[Range, Bearing], "a range and a bearing or an azimuth"),
+        ];
+        for (lonely, partners, needs) in pairs {
+            let slot = self.numbers.iter().find(|s| s.column.quantity == *lonely);
+            if let Some(slot) = slot.filter(|_| !partners.iter().all(|p| self.has(*p))) {
+                return Err(Error::Unpaired { file: file(), column: self.header[slot.cell].clone(), needs });
+            }
+        }
+        let position = self.has(X) || self.has(Latitude);
+        let polar = self.has(Range) || self.has(Bearing);
+        let needed = match purpose {
+            Purpose::Measurements if !(position || polar || self.has(RangeRate)) => {
+                "measurement (x_m and y_m, lat_deg and lon_deg, range_m, bearing_deg, ...)"
+            }
+            Purpose::Positions if !position => "position (x_m and y_m, or lat_deg and lon_deg)",
+            _ => "",
+        };
+        if !needed.is_empty() {
+            let found = found(&self.header, Some(Role::Measurement));
+            return Err(Error::NoMeasurement { file: file(), needed, found });
+        }
+        let height = if self.has(X) { Z } else { Altitude };
+        if options.three_d && position && !self.has(height) {
+            return Err(Error::NoHeight { file: file() });
+        }
+        if polar && self.dialect.origin.is_some() && options.origin.is_some() {
+            return Err(Error::PolarOrigin { file: file() });
+        }
+        Ok(())
+    }
+}
+
+/// Gives each column its meaning: the caller's mapping first, then the dialect's, then the contract's names.
+fn assign(
+    file: &str,
+    header: &[String],
+    dialect: &Dialect,
+    options: &Options,
+    purpose: Purpose,
+) -> Result<(Vec<Slot>, Vec<Ignored>)> {
+    let plain = dialect.columns.is_empty();
+    let mut slots: Vec<Slot> = Vec::new();
+    let mut ignored = Vec::new();
+    let mut ignore = |column: &str, did_you_mean| {
+        if !column.is_empty() {
+            ignored.push(Ignored { column: column.to_owned(), did_you_mean });
+        }
+    };
+    for (cell, name) in header.iter().enumerate() {
+        let mapped = options.columns.get(name).map(String::as_str);
+        let dialect_name = || dialect.columns.iter().find(|(own, _)| own == name).map(|(_, target)| *target);
+        let Some(target) = mapped.or_else(|| if plain { Some(name.as_str()) } else { dialect_name() }) else {
+            continue;
+        };
+        if mapped == Some(IGNORE) {
+            continue;
+        }
+        match Column::find(target) {
+            Some(column) if purpose.wants(column.quantity) => slots.push(Slot { cell, column }),
+            Some(_) => ignore(name, None),
+            None if mapped.is_some() => {
+                let near = columns::did_you_mean(target);
+                let hint = near.map_or(String::new(), |n| format!("; did you mean {n:?}?"));
+                return Err(Error::BadMapping { column: name.clone(), target: target.to_owned(), hint });
+            }
+            None => match columns::other_units(name) {
+                Some(known) => {
+                    return Err(Error::UnknownUnit { file: file.to_owned(), column: name.clone(), known });
+                }
+                None => ignore(name, columns::did_you_mean(name)),
+            },
+        }
+    }
+    if !plain {
+        // What the caller maps replaces what the dialect says of the same quantity.
+        let mapped = |s: &Slot| options.columns.contains_key(&header[s.cell]);
+        let replaced: Vec<&str> = slots.iter().filter(|s| mapped(s)).map(|s| meaning(s)).collect();
+        slots.retain(|s| mapped(s) || !replaced.contains(&meaning(s)));
+    }
+    for (i, b) in slots.iter().enumerate() {
+        let time_of_dialect = !plain && b.column.quantity.role() == Role::Time;
+        if let Some(a) = slots[..i].iter().find(|a| meaning(a) == meaning(b) && !time_of_dialect) {
+            return Err(duplicate(file, header, a, b, meaning(b)));
+        }
+    }
+    let first = |q: Quantity| slots.iter().find(|s| s.column.quantity == q);
+    if let (Some(x), Some(lat)) = (first(Quantity::X), first(Quantity::Latitude)) {
+        return Err(duplicate(file, header, x, lat, "the position"));
+    }
+    Ok((slots, ignored))
+}
+
+/// What a column gives: the same for all its units.
+fn meaning(slot: &Slot) -> &'static str {
+    slot.column.quantity.name()
+}
+
+fn duplicate(file: &str, header: &[String], a: &Slot, b: &Slot, quantity: &'static str) -> Error {
+    let name = |s: &Slot| header[s.cell].clone();
+    Error::DuplicateColumn { file: file.to_owned(), first: name(a), second: name(b), quantity }
+}
+
+/// A clause about what the header holds, with the likeliest slip.
+fn found(header: &[String], role: Option<Role>) -> String {
+    const SHOWN: usize = 8;
+    let names: Vec<_> = header.iter().take(SHOWN).map(|h| format!("{:?}", shorten(h))).collect();
+    let more = if header.len() > SHOWN { ", ..." } else { "" };
+    let mut text = format!("the header has {}{more}", names.join(", "));
+    if header.len() == 1 && header[0].contains([';', '\t']) {
+        return text + "; separate the columns by commas";
+    }
+    let near =
+        |h: &String| columns::did_you_mean(h).filter(|n| Column::find(n).map(|c| c.quantity.role()) == role);
+    if let Some((name, target)) = header.iter().find_map(|h| near(h).map(|n| (h, n))) {
+        text += &format!("; does {:?} mean {target}?", shorten(name));
+    }
+    text
+}
+
+/// Text of a cell for a message: at most 80 characters.
+pub(crate) fn shorten(text: &str) -> String {
+    match text.char_indices().nth(80) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}

@@ -1,0 +1,78 @@
+"""Cuts the recordings of this folder from their originals: python3 make.py FOLDER
+
+FOLDER holds `UAV_Rot.csv` of Stone Soup (docs/demos) and `scenario2_detections.json` and
+`scenario2_groundTruth.json` of the Autoferry sensor fusion dataset, anywhere below it. README.md says what comes out.
+"""
+
+import json
+import math
+import sys
+from decimal import Decimal
+from pathlib import Path
+
+HERE = Path(__file__).parent
+FIRST_ROW, ROWS = 91, 300  # of the log, the header not counted
+RADAR = 2
+GATE_M = 25.0
+
+
+def find(folder, name):
+    return next(Path(folder).rglob(name))
+
+
+def cut_uav(folder):
+    lines = find(folder, "UAV_Rot.csv").read_text().splitlines(keepends=True)
+    (HERE / "uav.csv").write_text("".join([lines[0], *lines[FIRST_ROW : FIRST_ROW + ROWS]]))
+
+
+def load(folder, name):
+    """Numbers as decimals: times keep every digit of the file."""
+    return json.loads(find(folder, name).read_text(), parse_float=Decimal)
+
+
+def between(points, time):
+    """North and east on the straight line between the two truth points around `time`; None outside."""
+    for (t0, p0), (t1, p1) in zip(points, points[1:]):
+        if t0 <= time <= t1:
+            share = (time - t0) / (t1 - t0)
+            return [a + (b - a) * share for a, b in zip(p0, p1)]
+    return None
+
+
+def row(time, target, north, east):
+    return f"{time.quantize(Decimal('1e-9')).normalize():f},{target},{east:.3f},{north:.3f}\n"
+
+
+def make_ferry(folder):
+    scans = load(folder, "scenario2_detections.json")
+    truth = {}
+    for record in load(folder, "scenario2_groundTruth.json"):
+        for target in record:
+            truth.setdefault(target["targetID"], {})[target["time"]] = target["position"][:2]
+    truth = {target: sorted(points.items()) for target, points in sorted(truth.items())}
+
+    header = "time_s,id,x_m,y_m\n"
+    detections, positions = [header], [header]
+    for scan in scans:
+        if scan["sensorID"] != RADAR:
+            continue
+        own = scan["ownshipPosition"]
+        found = [(n + own[0], e + own[1]) for n, e in zip(*scan["measurement"])]
+        places = {target: between(points, scan["time"]) for target, points in truth.items()}
+        places = {target: place for target, place in places.items() if place is not None}
+        taken = {}
+        for detection in found:
+            distance, target = min((math.dist(detection, place), target) for target, place in places.items())
+            if distance <= GATE_M:
+                taken[target] = min(taken.get(target, (math.inf,)), (distance, detection))
+        for target, place in places.items():
+            positions.append(row(scan["time"], target, *place))
+            if target in taken:
+                detections.append(row(scan["time"], target, *taken[target][1]))
+    (HERE / "ferry_radar.csv").write_text("".join(detections))
+    (HERE / "ferry_truth.csv").write_text("".join(positions))
+
+
+if __name__ == "__main__":
+    cut_uav(sys.argv[1])
+    make_ferry(sys.argv[1])
