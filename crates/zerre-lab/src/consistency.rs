@@ -222,6 +222,11 @@ impl Assessment {
     pub fn is_consistent(&self) -> bool {
         self.findings == [Finding::Consistent]
     }
+
+    /// Whether there were enough innovations for a verdict.
+    pub fn is_judged(&self) -> bool {
+        !self.findings.iter().any(|f| matches!(f, Finding::TooFew { .. }))
+    }
 }
 
 impl fmt::Display for Assessment {

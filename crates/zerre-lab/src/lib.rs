@@ -8,5 +8,6 @@ pub mod consistency;
 mod distribution;
 pub mod error;
 pub mod metric;
+pub mod report;
 
 pub use error::{Error, Result};
