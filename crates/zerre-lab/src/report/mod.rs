@@ -338,12 +338,15 @@ mod tests {
             "innovations: range (coloured), bearing (dark)",
             "NIS, 95 % between",
             "effective sample size of 500 particles",
+            "position error (shaded",
             "log-evidence",
             "not judged",
         ] {
             assert!(page.contains(text), "{text}");
         }
         assert!(!page.contains("NaN") && !page.contains(">inf"));
+        r.tracks[0].truth = None;
+        assert!(!render(&r).contains("position error"), "nothing is said of a truth that is not known");
     }
 
     proptest! {

@@ -247,10 +247,9 @@ fn tracks(out: &mut String, report: &RunReport, clock: &Clock) {
              kept.</p>"
         ));
     }
-    let mut opened = 0;
-    for (index, track) in report.tracks.iter().enumerate().filter(|(i, _)| detailed[*i]) {
-        details(out, index, track, report, clock, limit, opened < OPEN);
-        opened += 1;
+    let charted = report.tracks.iter().enumerate().filter(|(index, _)| detailed[*index]);
+    for (place, (index, track)) in charted.enumerate() {
+        details(out, index, track, report, clock, limit, place < OPEN);
     }
     out.push_str("</section>\n");
 }
@@ -312,6 +311,13 @@ fn details(
         let (unit, layers) = state_layers(track, s, &state.unit, &times, clock);
         chart(&state.name, unit, false, layers);
     }
+    let errors = position_errors(track, clock);
+    if !errors.is_empty() {
+        let radius = |c: &[f64; 3]| plan::radius_95(*c);
+        let band = times.iter().zip(&track.position_cov).map(|(t, c)| [*t, 0.0, radius(c)]).collect();
+        let layers = vec![Layer::Band(band), Layer::Line(errors, "mean")];
+        chart("position error (shaded: 95 % radius)", "m", true, layers);
+    }
     if track.ess.iter().any(Option::is_some) {
         let ess = times.iter().zip(&track.ess).map(|(t, e)| [*t, e.unwrap_or(f64::NAN)]).collect();
         let mut layers = vec![Layer::Line(ess, "mean")];
@@ -358,12 +364,26 @@ fn state_layers<'a>(
     (unit, layers)
 }
 
+/// Distance between estimate and truth wherever both have the same time, to the microsecond.
+fn position_errors(track: &TrackSeries, clock: &Clock) -> Vec<[f64; 2]> {
+    let Some(truth) = &track.truth else { return Vec::new() };
+    let mut truths = truth.times_s.iter().zip(&truth.position).peekable();
+    let mut errors = Vec::new();
+    for (time, estimate) in track.times_s.iter().zip(&track.position) {
+        while truths.next_if(|(t, _)| **t < time - 1e-6).is_some() {}
+        if let Some((_, place)) = truths.peek().filter(|(t, _)| (*t - time).abs() <= 1e-6) {
+            errors.push([clock.of_time(*time), (estimate[0] - place[0]).hypot(estimate[1] - place[1])]);
+        }
+    }
+    errors
+}
+
 /// Innovations and NIS of every sensor that saw the track.
 fn innovation_charts(
     track: &TrackSeries,
     report: &RunReport,
     clock: &Clock,
-    chart: &mut dyn FnMut(&str, &str, bool, Vec<Layer>),
+    mut chart: impl FnMut(&str, &str, bool, Vec<Layer>),
 ) {
     const STYLES: [(&str, &str); 3] = [("dot0", "coloured"), ("dot1", "dark"), ("dot2", "grey")];
     let mut bounds: HashMap<usize, (f64, f64)> = HashMap::new();
@@ -390,12 +410,7 @@ fn innovation_charts(
             });
             let nis = rows().map(|row| [clock.of_time(row.time_s), row.nis]).collect();
             let layers = vec![Layer::Level(low), Layer::Level(high), Layer::Dots(nis, "dot0")];
-            chart(
-                &format!("NIS, 95 % between {} and {}{of}", readable(low), readable(high)),
-                "",
-                true,
-                layers,
-            );
+            chart(&format!("NIS, 95 % between {low:.2} and {high:.2}{of}"), "", true, layers);
         }
     }
 }

@@ -21,7 +21,7 @@ const COLOURS: usize = 6;
 
 /// The class and the colour of the track at that place in the list; later rounds through the colours are dashed.
 pub(super) fn style_of(index: usize) -> (&'static str, usize) {
-    (if (index / COLOURS) % 2 == 0 { "" } else { " dashed" }, index % COLOURS)
+    (if (index / COLOURS).is_multiple_of(2) { "" } else { " dashed" }, index % COLOURS)
 }
 
 /// What was left out of a picture, to be said beside it.
@@ -130,7 +130,7 @@ pub(super) fn draw(report: &RunReport, head: Option<&str>) -> Plan {
     labels(&mut svg, report, &frame);
     svg.push_str("</svg></svg>");
     if widest_step > 1 {
-        notes.push(format!("Ellipses at every {} row or less often.", ordinal(widest_step)));
+        notes.push(format!("Ellipses are drawn at every {} row of the longest track.", ordinal(widest_step)));
     }
     if thinned_lines {
         notes.push(format!("Tracks are drawn through about {line_limit} of their rows."));
@@ -283,10 +283,21 @@ fn draw_ends(svg: &mut String, index: usize, track: &TrackSeries, frame: &Frame)
     svg.push_str("</g>");
 }
 
-/// The 95 % ellipse; nothing for a covariance that is none.
-fn ellipse(svg: &mut String, frame: &Frame, centre: [f64; 2], [xx, xy, yy]: [f64; 3]) {
+/// Standard deviations along the long and the short axis of a covariance (xx, xy, yy).
+fn axes_of([xx, xy, yy]: [f64; 3]) -> (f64, f64) {
     let (mean, half) = ((xx + yy) / 2.0, ((xx - yy) / 2.0).hypot(xy));
-    let (long, short) = ((mean + half).sqrt(), (mean - half).max(0.0).sqrt());
+    ((mean + half).sqrt(), (mean - half).max(0.0).sqrt())
+}
+
+/// The long half-axis of the 95 % ellipse, in metres.
+pub(super) fn radius_95(covariance: [f64; 3]) -> f64 {
+    ELLIPSE_95 * axes_of(covariance).0
+}
+
+/// The 95 % ellipse; nothing for a covariance that is none.
+fn ellipse(svg: &mut String, frame: &Frame, centre: [f64; 2], covariance: [f64; 3]) {
+    let [xx, xy, yy] = covariance;
+    let (long, short) = axes_of(covariance);
     let [x, y] = frame.place(centre);
     if !(long.is_finite() && x.is_finite() && y.is_finite()) || long == 0.0 {
         return;
