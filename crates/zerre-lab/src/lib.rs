@@ -1,1 +1,13 @@
 //! Scenarios, metrics, studies and reports.
+//!
+//! Everything here takes plain data (slices and small structs), so that estimates of any filter, or of another
+//! program, are scored, judged and drawn in the same way.
+
+pub mod assignment;
+pub mod consistency;
+mod distribution;
+pub mod error;
+pub mod metric;
+pub mod report;
+
+pub use error::{Error, Result};

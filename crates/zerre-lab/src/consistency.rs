@@ -1,0 +1,616 @@
+//! What innovations say of the noise a filter was told: a verdict in words, with its numbers.
+//!
+//! A filter whose models fit has innovations that are white, have mean zero and the size that it predicted. Size and
+//! correlation together tell measurement noise R from process noise Q. A gain that is too high over-corrects and
+//! leaves neighbours of opposite sign; one that is too low lags behind and leaves neighbours of the same sign
+//! (Mehra, IEEE Trans. on Automatic Control 15, 1970):
+//!
+//! | mean NIS | lag-1 below 0 | white | lag-1 above 0 |
+//! |---|---|---|---|
+//! | too high | R too small | R too small | Q too small |
+//! | as told | Q too large | consistent | Q too small |
+//! | too low | Q too large | R too large | R too large |
+//!
+//! All tests of one sensor together raise a false alarm in at most 5 % of consistent cases (Bonferroni), and a
+//! deviation that is real but too small to matter is left alone, so that long recordings do not fail for nothing.
+
+use crate::distribution::{chi_square_cdf, chi_square_quantile, normal_quantile};
+use crate::error::{Error, Result};
+use crate::metric::{MeanChiSquare, anees, median};
+use std::fmt;
+
+/// Fewer innovations than this are too few to judge: the interval of their mean size spans a factor of two.
+pub const ENOUGH: usize = 20;
+
+/// Chance of any false alarm on a consistent sensor.
+const FALSE_ALARM: f64 = 0.05;
+/// Relative error of the innovations' size below which nobody would retune.
+const SCALE_MATTERS: f64 = 0.05;
+/// Lag-1 correlation below which nobody would retune.
+const LAG_MATTERS: f64 = 0.05;
+/// Mean innovation, in standard deviations, below which nobody would calibrate.
+const BIAS_MATTERS: f64 = 0.1;
+/// Share of outliers that matters, five times what a normal law has beyond [`OUTLIER_LEVEL`].
+const OUTLIERS_MATTER: f64 = 0.005;
+/// An innovation beyond this quantile is an outlier.
+const OUTLIER_LEVEL: f64 = 0.999;
+/// Lags over which correlation is summed; a filter that has not forgotten by then has other worries.
+const LAGS: usize = 40;
+
+/// The innovations of one sensor over a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SensorInnovations {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Numbers per measurement, the degrees of freedom of one NIS value.
+    pub dimension: usize,
+    /// Normalised innovation squared of every update.
+    pub nis: Vec<f64>,
+    /// The components of the innovations, in standard deviations; may be empty when only NIS is known.
+    pub components: Vec<WhitenedComponent>,
+    /// Mean share of the measurement noise in the predicted innovation covariance, `trace(S^-1 R) / dimension`, in
+    /// (0, 1]. With it the verdict names the factor of R; without it only a bound.
+    pub noise_share: Option<f64>,
+}
+
+/// One component of the innovations, each divided by its predicted standard deviation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WhitenedComponent {
+    /// What it measures ("bearing").
+    pub name: String,
+    /// Values in order of time, one list per track: neighbours in a list are neighbours in time.
+    pub series: Vec<Vec<f64>>,
+}
+
+/// A number and its 95 % interval; `high` may be infinite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Best estimate.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Interval {
+    /// Whether `value` lies between the ends.
+    pub fn contains(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
+    }
+}
+
+/// One thing that the innovations say.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Finding {
+    /// Fewer than [`ENOUGH`] innovations.
+    TooFew {
+        /// How many there are.
+        samples: usize,
+    },
+    /// Nothing contradicts the models.
+    Consistent,
+    /// A component's innovations have a mean.
+    Biased {
+        /// The component.
+        component: String,
+        /// Its mean, in predicted standard deviations.
+        mean: Interval,
+    },
+    /// More far innovations than a normal law has. The other findings leave them out.
+    HeavyTails {
+        /// How many lie beyond the 99.9 % bound of the bulk.
+        outliers: usize,
+        /// How many innovations there are.
+        samples: usize,
+    },
+    /// R is smaller than the scatter of the measurements.
+    MeasurementNoiseTooSmall {
+        /// By how much the true variance exceeds R.
+        factor: Interval,
+        /// The factor is only a lower bound, because the share of R in S is not known.
+        at_least: bool,
+    },
+    /// R is larger than the scatter of the measurements.
+    MeasurementNoiseTooLarge {
+        /// By how much R exceeds the true variance.
+        factor: Interval,
+        /// The factor is only a lower bound, because the share of R in S is not known.
+        at_least: bool,
+    },
+    /// The target moves more than the motion model allows.
+    ProcessNoiseTooSmall {
+        /// Correlation of neighbouring innovations.
+        lag1: Interval,
+    },
+    /// The target moves less than the motion model allows.
+    ProcessNoiseTooLarge {
+        /// Correlation of neighbouring innovations.
+        lag1: Interval,
+    },
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Finding::TooFew { samples } => {
+                write!(f, "too few to judge: {samples} innovations, at least {ENOUGH} are needed")
+            }
+            Finding::Consistent => f.write_str("consistent: innovations are white and as large as predicted"),
+            Finding::Biased { component, mean } => write!(
+                f,
+                "biased: the mean {component} innovation is {:+.2} sigma ({:+.2} to {:+.2}); look for an offset of \
+                 the sensor",
+                mean.value, mean.low, mean.high
+            ),
+            Finding::HeavyTails { outliers, samples } => write!(
+                f,
+                "heavy tails: {outliers} of {samples} innovations lie beyond the 99.9 % bound ({:.1} expected); use \
+                 a gate or a heavy-tailed likelihood",
+                *samples as f64 * (1.0 - OUTLIER_LEVEL)
+            ),
+            Finding::MeasurementNoiseTooSmall { factor, at_least } => {
+                write!(f, "the measurement noise R is {} times too small", Factor(factor, *at_least))
+            }
+            Finding::MeasurementNoiseTooLarge { factor, at_least } => {
+                write!(f, "the measurement noise R is {} times too large", Factor(factor, *at_least))
+            }
+            Finding::ProcessNoiseTooSmall { lag1 } => write!(
+                f,
+                "innovations are correlated (lag-1 {:+.2}, {:+.2} to {:+.2}): the motion noise Q is too small or the \
+                 motion model is wrong",
+                lag1.value, lag1.low, lag1.high
+            ),
+            Finding::ProcessNoiseTooLarge { lag1 } => write!(
+                f,
+                "innovations alternate (lag-1 {:+.2}, {:+.2} to {:+.2}): the motion noise Q is too large",
+                lag1.value, lag1.low, lag1.high
+            ),
+        }
+    }
+}
+
+/// "about 2.3 (2.1 to 2.6)", or "at least about ..." where the interval or the claim has no upper end.
+struct Factor<'a>(&'a Interval, bool);
+
+impl fmt::Display for Factor<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Factor(Interval { value, low, high }, at_least) = self;
+        if !high.is_finite() {
+            return write!(f, "at least {low:.1}");
+        }
+        let bound = if *at_least { "at least " } else { "" };
+        write!(f, "{bound}about {value:.1} ({low:.1} to {high:.1})")
+    }
+}
+
+/// The numbers of one component.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComponentAssessment {
+    /// What it measures.
+    pub name: String,
+    /// Mean, in predicted standard deviations.
+    pub mean: Interval,
+    /// Correlation of neighbours; `None` where there are none or nothing varies.
+    pub lag1: Option<f64>,
+    /// Fourth moment over the squared second: 3 for a normal law; `None` where nothing varies.
+    pub kurtosis: Option<f64>,
+}
+
+/// The verdict on one sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assessment {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// How many innovations were judged.
+    pub samples: usize,
+    /// Mean NIS over the dimension, with the limits beyond which it raises an alarm; `None` without innovations.
+    pub nis: Option<MeanChiSquare>,
+    /// Correlation of neighbouring innovations over all components; `None` where no component has neighbours.
+    pub lag1: Option<Interval>,
+    /// How many innovations lie beyond the 99.9 % bound of the bulk.
+    pub outliers: usize,
+    /// Component by component.
+    pub components: Vec<ComponentAssessment>,
+    /// What was found, the gravest first; never empty.
+    pub findings: Vec<Finding>,
+}
+
+impl Assessment {
+    /// Whether nothing contradicts the models.
+    pub fn is_consistent(&self) -> bool {
+        self.findings == [Finding::Consistent]
+    }
+
+    /// Whether there were enough innovations for a verdict.
+    pub fn is_judged(&self) -> bool {
+        !self.findings.iter().any(|f| matches!(f, Finding::TooFew { .. }))
+    }
+}
+
+impl fmt::Display for Assessment {
+    /// The findings as one sentence.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, finding) in self.findings.iter().enumerate() {
+            write!(f, "{}{finding}", if i == 0 { "" } else { "; " })?;
+        }
+        Ok(())
+    }
+}
+
+/// Judges the innovations of one sensor.
+///
+/// # Errors
+/// [`Error::NotFinite`] or [`Error::OutOfRange`] for a NIS value, a component or a noise share that is none,
+/// [`Error::Empty`] for a dimension of zero.
+pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
+    let SensorInnovations { sensor, dimension, nis, components, noise_share } = innovations;
+    for series in components.iter().flat_map(|c| &c.series) {
+        Error::all_finite("whitened innovation", series)?;
+    }
+    if let Some(value) = noise_share.filter(|share| !(*share > 0.0 && *share <= 1.0)) {
+        let needs = "it must lie above 0 and not above 1";
+        return Err(Error::OutOfRange { what: "the share of R in S", value, needs });
+    }
+    if *dimension == 0 {
+        return Err(Error::Empty { what: "degrees of freedom" });
+    }
+
+    // Size, correlation and tails are one test each, the mean one per component.
+    let tests = (3 + components.len()) as f64;
+    let confidence = 1.0 - FALSE_ALARM / tests;
+    let limit = normal_quantile(0.5 + confidence / 2.0);
+    let moments: Vec<Moments> = components.iter().map(Moments::of).collect();
+    let lag = Lag::pooled(&moments);
+    let mut assessment = Assessment {
+        sensor: sensor.clone(),
+        samples: nis.len(),
+        nis: if nis.is_empty() { None } else { Some(anees(nis, *dimension, confidence)?) },
+        lag1: lag.map(Lag::interval),
+        outliers: 0,
+        components: moments.iter().map(Moments::assessment).collect(),
+        findings: Vec::new(),
+    };
+    if nis.len() < ENOUGH {
+        assessment.findings.push(Finding::TooFew { samples: nis.len() });
+        return Ok(assessment);
+    }
+
+    for m in &moments {
+        let significant = m.mean.abs() > limit * m.standard_error();
+        if significant && m.mean.abs() > BIAS_MATTERS {
+            assessment.findings.push(Finding::Biased { component: m.name.clone(), mean: m.mean_interval() });
+        }
+    }
+
+    let bulk = bulk(nis, *dimension as f64);
+    assessment.outliers = nis.len() - bulk.len();
+    // Outliers are rare and independent: their number is Poisson, whose upper tail is a chi-square integral.
+    let chance = chi_square_cdf(
+        2.0 * nis.len() as f64 * (1.0 - OUTLIER_LEVEL),
+        2.0 * assessment.outliers.max(1) as f64,
+    );
+    let heavy = assessment.outliers as f64 > OUTLIERS_MATTER * nis.len() as f64 && chance < 1.0 - confidence;
+    if heavy {
+        let (outliers, samples) = (assessment.outliers, nis.len());
+        assessment.findings.push(Finding::HeavyTails { outliers, samples });
+    }
+    let size = anees(if heavy { &bulk } else { nis }, *dimension, confidence)?;
+    if heavy {
+        assessment.nis = Some(size);
+    }
+    if let Some(finding) = noise_finding(&size, lag, limit, *noise_share) {
+        assessment.findings.push(finding);
+    }
+    if assessment.findings.is_empty() {
+        assessment.findings.push(Finding::Consistent);
+    }
+    Ok(assessment)
+}
+
+/// The table of the module's head.
+fn noise_finding(size: &MeanChiSquare, lag: Option<Lag>, limit: f64, share: Option<f64>) -> Option<Finding> {
+    let sign = |significant: bool, deviation: f64, matters: f64| {
+        if significant && deviation.abs() > matters { deviation.signum() as i8 } else { 0 }
+    };
+    let size_sign = sign(!size.is_inside(), size.mean - 1.0, SCALE_MATTERS);
+    let lag_sign = lag.map_or(0, |l| sign(l.value.abs() > limit * l.error, l.value, LAG_MATTERS));
+    let correlation = lag.map(Lag::interval);
+    match (size_sign, lag_sign, correlation) {
+        (0 | 1, 1, Some(lag1)) => Some(Finding::ProcessNoiseTooSmall { lag1 }),
+        (0 | -1, -1, Some(lag1)) => Some(Finding::ProcessNoiseTooLarge { lag1 }),
+        (1, ..) => {
+            let factor = measurement_noise_factor(size, lag, share);
+            Some(Finding::MeasurementNoiseTooSmall { factor, at_least: share.is_none() })
+        }
+        (-1, ..) => {
+            let Interval { value, low, high } = measurement_noise_factor(size, lag, share);
+            // A bound at or below zero leaves the other side open.
+            let inverse = |x: f64| if x > 0.0 { 1.0 / x } else { f64::INFINITY };
+            let factor = Interval { value: inverse(value), low: inverse(high), high: inverse(low) };
+            Some(Finding::MeasurementNoiseTooLarge { factor, at_least: share.is_none() })
+        }
+        _ => None,
+    }
+}
+
+/// By which factor the true measurement variance exceeds R, from the mean size s of the innovations.
+///
+/// A filter with gain K = 1 - r (r the share of R in S) on a random walk with true variance f R has, in its steady
+/// state, predicted variance M = (K^2 f R + Q) / (2 K - K^2). Subtracting the same at f = 1, with R = r S:
+/// s = 1 + (f - 1) 2 r / (1 + r), linear in f. As 2 r / (1 + r) <= 1, s itself bounds f from the near side.
+fn measurement_noise_factor(size: &MeanChiSquare, lag: Option<Lag>, share: Option<f64>) -> Interval {
+    let r = share.unwrap_or(1.0);
+    let factor = |s: f64| 1.0 + (s - 1.0) * (1.0 + r) / (2.0 * r);
+    // Normal values with correlation rho have squares with correlation rho^2: n of them tell as much as
+    // n / (1 + 2 sum rho_k^2) independent ones, each with `dimension` degrees of freedom.
+    let squares = lag.map_or(0.0, |l| l.later_squares);
+    let degrees = (size.samples * size.dimension) as f64 / (1.0 + 2.0 * squares);
+    let end = |probability: f64| factor(size.mean * degrees / chi_square_quantile(probability, degrees));
+    Interval { value: factor(size.mean), low: end(0.975), high: end(0.025) }
+}
+
+/// The values that are no outliers of the majority's size, which the median tells whatever the tails do.
+fn bulk(nis: &[f64], degrees: f64) -> Vec<f64> {
+    let size = median(nis.to_vec()) / chi_square_quantile(0.5, degrees);
+    let edge = size * chi_square_quantile(OUTLIER_LEVEL, degrees);
+    nis.iter().copied().filter(|v| *v <= edge).collect()
+}
+
+/// Correlation of neighbours over all components.
+#[derive(Clone, Copy)]
+struct Lag {
+    value: f64,
+    /// Standard error for white noise, 1 / sqrt(pairs).
+    error: f64,
+    /// Sum of the squared correlations at lags 1 to [`LAGS`].
+    later_squares: f64,
+}
+
+impl Lag {
+    /// The mean over components, weighted by pairs.
+    fn pooled(moments: &[Moments]) -> Option<Lag> {
+        let (mut sum, mut squares, mut pairs) = (0.0, 0.0, 0.0);
+        for m in moments {
+            if let Some(lag1) = m.lag1 {
+                let weight = m.pairs as f64;
+                sum += lag1 * weight;
+                squares += m.squared_correlations * weight;
+                pairs += weight;
+            }
+        }
+        let (value, error) = (sum / pairs, 1.0 / f64::sqrt(pairs));
+        (pairs > 0.0).then(|| Lag { value, error, later_squares: squares / pairs })
+    }
+
+    fn interval(self) -> Interval {
+        let half = normal_quantile(0.975) * self.error;
+        Interval { value: self.value, low: (self.value - half).max(-1.0), high: (self.value + half).min(1.0) }
+    }
+}
+
+/// Sample moments of one component over all its series.
+struct Moments {
+    name: String,
+    count: usize,
+    pairs: usize,
+    mean: f64,
+    variance: f64,
+    lag1: Option<f64>,
+    squared_correlations: f64,
+    positive_correlations: f64,
+    kurtosis: Option<f64>,
+}
+
+impl Moments {
+    fn of(component: &WhitenedComponent) -> Moments {
+        let all = || component.series.iter().flatten();
+        let count = all().count();
+        let n = count.max(1) as f64;
+        let mean = all().sum::<f64>() / n;
+        let moment = |power: i32| all().map(|v| (v - mean).powi(power)).sum::<f64>() / n;
+        let (variance, fourth) = (moment(2), moment(4));
+        let pairs_at =
+            |lag: usize| component.series.iter().map(|s| s.len().saturating_sub(lag)).sum::<usize>();
+        let correlation = |lag: usize| {
+            let neighbours = component.series.iter().flat_map(|s| s.iter().zip(s.iter().skip(lag)));
+            let product: f64 = neighbours.map(|(a, b)| (a - mean) * (b - mean)).sum();
+            (pairs_at(lag) > 0 && variance > 0.0)
+                .then(|| (product / pairs_at(lag) as f64 / variance).clamp(-1.0, 1.0))
+        };
+        // White noise has squared sample correlations of 1 / pairs on average, which is no correlation.
+        let square = |lag: usize| {
+            correlation(lag).map_or(0.0, |rho| (rho * rho - 1.0 / pairs_at(lag) as f64).max(0.0))
+        };
+        Moments {
+            name: component.name.clone(),
+            count,
+            pairs: pairs_at(1),
+            mean,
+            variance,
+            lag1: correlation(1),
+            // Cut at the first that is not positive, after which the sum is noise (Geyer, Statistical Science 7, 1992).
+            positive_correlations: (1..=LAGS).map_while(|k| correlation(k).filter(|rho| *rho > 0.0)).sum(),
+            squared_correlations: (1..=LAGS).map(square).sum(),
+            kurtosis: (variance > 0.0).then(|| fourth / (variance * variance)),
+        }
+    }
+
+    /// Of the mean, counting how much neighbours repeat each other.
+    fn standard_error(&self) -> f64 {
+        (self.variance / self.count.max(1) as f64 * (1.0 + 2.0 * self.positive_correlations)).sqrt()
+    }
+
+    fn mean_interval(&self) -> Interval {
+        let half = normal_quantile(0.975) * self.standard_error();
+        Interval { value: self.mean, low: self.mean - half, high: self.mean + half }
+    }
+
+    fn assessment(&self) -> ComponentAssessment {
+        ComponentAssessment {
+            name: self.name.clone(),
+            mean: self.mean_interval(),
+            lag1: self.lag1,
+            kurtosis: self.kurtosis,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::test_noise::Noise;
+
+    /// A random walk seen in noise: what is true, and what the Kalman filter under judgement believes.
+    #[derive(Clone, Copy)]
+    struct World {
+        q: f64,
+        r: f64,
+        told_q: f64,
+        told_r: f64,
+        outlier_share: f64,
+    }
+
+    const HONEST: World = World { q: 0.1, r: 1.0, told_q: 0.1, told_r: 1.0, outlier_share: 0.0 };
+
+    /// Two tracks of `steps` each.
+    fn run(world: World, steps: usize, seed: u64) -> SensorInnovations {
+        let mut noise = Noise(seed);
+        let (mut nis, mut series, mut share) = (Vec::new(), Vec::new(), 0.0);
+        for _ in 0..2 {
+            let (mut x, mut mean, mut whitened) = (0.0, 0.0, Vec::new());
+            let mut variance = world.told_r;
+            for _ in 0..steps {
+                x += world.q.sqrt() * noise.normal();
+                variance += world.told_q;
+                let wild = if noise.uniform() < world.outlier_share { 12.0 } else { 1.0 };
+                let z = x + wild * world.r.sqrt() * noise.normal();
+                let s = variance + world.told_r;
+                let (v, gain) = (z - mean, variance / s);
+                nis.push(v * v / s);
+                whitened.push(v / s.sqrt());
+                share += world.told_r / s / (2 * steps) as f64;
+                mean += gain * v;
+                variance *= 1.0 - gain;
+            }
+            series.push(whitened);
+        }
+        let components = vec![WhitenedComponent { name: "position".into(), series }];
+        SensorInnovations { sensor: "radar".into(), dimension: 1, nis, components, noise_share: Some(share) }
+    }
+
+    fn judge(world: World, steps: usize, seed: u64) -> Assessment {
+        assess(&run(world, steps, seed)).unwrap()
+    }
+
+    /// False alarms are at most 5 % by construction: of 400 runs 20, plus 4 sqrt(400 0.05 0.95) = 17.
+    #[test]
+    fn an_honest_filter_is_called_consistent() {
+        let alarms = (0..400).filter(|seed| !judge(HONEST, 150, *seed).is_consistent()).count();
+        assert!(alarms <= 37, "{alarms} false alarms of 400");
+    }
+
+    /// The 95 % interval of the factor holds it in at least 380 of 400 runs less 4 sqrt(400 0.05 0.95) = 17.
+    #[test]
+    fn a_wrong_measurement_noise_is_named_with_its_factor() {
+        for (told_q, told_r, factor, small) in
+            [(0.1, 0.4, 2.5, true), (0.1, 0.25, 4.0, true), (0.1, 3.0, 3.0, false), (0.1, 2.0, 2.0, false)]
+        {
+            let world = World { told_q, told_r, ..HONEST };
+            let (mut named, mut covered) = (0, 0);
+            for seed in 0..400 {
+                let judged = judge(world, 300, 1000 + seed);
+                let interval = match &judged.findings[..] {
+                    [Finding::MeasurementNoiseTooSmall { factor, at_least: false }] if small => factor,
+                    [Finding::MeasurementNoiseTooLarge { factor, at_least: false }] if !small => factor,
+                    _ => continue,
+                };
+                named += 1;
+                covered += usize::from(interval.contains(factor));
+            }
+            assert!(named >= 363 && covered >= 363, "{told_r}: named {named}, covered {covered} of 400");
+        }
+    }
+
+    /// A filter that lags wanders, so its mean is now and then called a bias as well; the noise is always named.
+    #[test]
+    fn a_wrong_process_noise_is_named() {
+        let mut biased = 0;
+        for seed in 0..50 {
+            let slow = judge(World { told_q: 0.005, ..HONEST }, 300, seed);
+            assert!(matches!(slow.findings.last(), Some(Finding::ProcessNoiseTooSmall { .. })), "{slow}");
+            biased += slow.findings.len() - 1;
+            let restless = judge(World { told_q: 2.0, ..HONEST }, 300, seed);
+            assert!(matches!(restless.findings[..], [Finding::ProcessNoiseTooLarge { .. }]), "{restless}");
+        }
+        assert!(biased <= 5, "{biased} of 50 called biased");
+    }
+
+    #[test]
+    fn an_offset_is_a_bias() {
+        let mut noise = Noise(2);
+        let series: Vec<f64> = (0..200).map(|_| 0.8 + noise.normal()).collect();
+        let innovations = SensorInnovations {
+            sensor: "camera".into(),
+            dimension: 1,
+            nis: series.iter().map(|v| (v - 0.8) * (v - 0.8)).collect(),
+            components: vec![WhitenedComponent { name: "bearing".into(), series: vec![series] }],
+            noise_share: None,
+        };
+        let judged = assess(&innovations).unwrap();
+        let [Finding::Biased { component, mean }] = &judged.findings[..] else { panic!("{judged}") };
+        assert!(component == "bearing" && mean.contains(0.8), "{judged}");
+        assert!(judged.to_string().starts_with("biased: the mean bearing innovation is +0."), "{judged}");
+    }
+
+    #[test]
+    fn outliers_are_heavy_tails_and_not_a_wrong_noise() {
+        for seed in 0..50 {
+            // Little motion, so that an outlier leaves hardly a trail in the estimate.
+            let quiet = World { q: 1e-4, told_q: 1e-4, outlier_share: 0.04, ..HONEST };
+            let judged = judge(quiet, 400, seed);
+            assert!(matches!(judged.findings[0], Finding::HeavyTails { .. }), "{judged}");
+            assert!(judged.components[0].kurtosis.unwrap() > 6.0);
+            // With its outliers the mean would be 1 + 0.04 (144 - 1) = 6.7. What is left is above 1 because a fifth
+            // of the wide draws look ordinary and early ones leave a trail in the estimate.
+            assert!(judged.nis.unwrap().mean < 1.6, "{judged:?}");
+        }
+    }
+
+    #[test]
+    fn without_the_share_the_factor_is_a_bound() {
+        let mut innovations = run(World { told_r: 0.25, ..HONEST }, 400, 4);
+        innovations.noise_share = None;
+        let judged = assess(&innovations).unwrap();
+        let [Finding::MeasurementNoiseTooSmall { factor, at_least: true }] = &judged.findings[..] else {
+            panic!("{judged}")
+        };
+        assert!(factor.low > 1.0 && factor.value < 4.0);
+        assert!(judged.to_string().contains("at least about"), "{judged}");
+    }
+
+    #[test]
+    fn a_few_are_not_judged() {
+        let judged = judge(World { told_r: 0.01, ..HONEST }, 9, 1);
+        assert_eq!(judged.findings, [Finding::TooFew { samples: 18 }]);
+        let none = SensorInnovations { sensor: "x".into(), dimension: 2, ..Default::default() };
+        assert_eq!(assess(&none).unwrap().findings, [Finding::TooFew { samples: 0 }]);
+    }
+
+    #[test]
+    fn refuses_bad_input() {
+        let good = run(HONEST, 20, 1);
+        let refused = |change: &dyn Fn(&mut SensorInnovations)| {
+            let mut bad = good.clone();
+            change(&mut bad);
+            assess(&bad).unwrap_err()
+        };
+        assert!(matches!(refused(&|b| b.dimension = 0), Error::Empty { .. }));
+        assert!(matches!(refused(&|b| b.nis[3] = f64::NAN), Error::NotFinite { index: 3, .. }));
+        assert!(matches!(refused(&|b| b.nis[3] = -1.0), Error::OutOfRange { .. }));
+        assert!(matches!(refused(&|b| b.noise_share = Some(1.5)), Error::OutOfRange { .. }));
+        let infinite = refused(&|b| b.components[0].series[1][2] = f64::INFINITY);
+        assert!(matches!(infinite, Error::NotFinite { index: 2, .. }));
+    }
+}

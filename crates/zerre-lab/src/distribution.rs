@@ -1,0 +1,89 @@
+//! The few distribution functions that scores and verdicts need.
+
+use statrs::distribution::{ContinuousCDF, Normal};
+use statrs::function::gamma::gamma_lr;
+
+/// P(X <= x) of a chi-square variable with `degrees` degrees of freedom (above zero).
+pub(crate) fn chi_square_cdf(x: f64, degrees: f64) -> f64 {
+    if x <= 0.0 { 0.0 } else { gamma_lr(degrees / 2.0, x / 2.0) }
+}
+
+/// The x with P(X <= x) = `probability` (inside (0, 1)) of a chi-square variable.
+///
+/// Bisection between bounds grown from the mean: the distribution function is monotone, so it cannot miss, and the
+/// result is as exact as the distribution function itself.
+pub(crate) fn chi_square_quantile(probability: f64, degrees: f64) -> f64 {
+    let (mut low, mut high) = (0.0, degrees.max(1.0));
+    while chi_square_cdf(high, degrees) < probability && high < 1e300 {
+        low = high;
+        high *= 2.0;
+    }
+    // Halving a bracket of width `high` until neighbours meet takes at most 53 steps plus those to small numbers.
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if chi_square_cdf(middle, degrees) < probability {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// P(X <= x) of a standard normal variable.
+pub(crate) fn normal_cdf(x: f64) -> f64 {
+    Normal::standard().cdf(x)
+}
+
+/// The x with P(X <= x) = `probability` (inside (0, 1)) of a standard normal variable.
+pub(crate) fn normal_quantile(probability: f64) -> f64 {
+    Normal::standard().inverse_cdf(probability)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Table values: NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.6.7.4 (three decimals printed).
+    #[test]
+    fn chi_square_quantiles_are_the_tables() {
+        let table = [
+            (0.95, 1.0, 3.841),
+            (0.99, 1.0, 6.635),
+            (0.95, 2.0, 5.991),
+            (0.90, 4.0, 7.779),
+            (0.975, 10.0, 20.483),
+            (0.025, 10.0, 3.247),
+            (0.999, 3.0, 16.266),
+            (0.95, 100.0, 124.342),
+            (0.05, 100.0, 77.929),
+        ];
+        for (probability, degrees, value) in table {
+            let found = chi_square_quantile(probability, degrees);
+            assert!((found - value).abs() < 6e-4, "{probability} {degrees}: {found} instead of {value}");
+        }
+    }
+
+    #[test]
+    fn chi_square_of_two_is_the_exponential() {
+        for x in [1e-6, 0.1, 1.0, 5.0, 40.0] {
+            assert!((chi_square_cdf(x, 2.0) - (1.0 - (-x / 2.0_f64).exp())).abs() < 1e-14);
+        }
+        assert!((chi_square_quantile(0.5, 2.0) - 2.0 * 2.0_f64.ln()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn quantiles_invert_the_distribution_function() {
+        for degrees in [1.0, 2.0, 7.0, 300.0, 60_000.0] {
+            for probability in [1e-4, 0.025, 0.5, 0.975, 0.9999] {
+                let x = chi_square_quantile(probability, degrees);
+                assert!((chi_square_cdf(x, degrees) - probability).abs() < 1e-9, "{degrees} {probability}");
+            }
+        }
+        assert!((normal_quantile(0.975) - 1.959_963_984_540_054).abs() < 1e-9);
+        assert!((normal_cdf(-1.0) - 0.158_655_253_931_457).abs() < 1e-9);
+    }
+}

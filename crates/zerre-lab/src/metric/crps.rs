@@ -1,0 +1,142 @@
+use super::MetricInfo;
+use crate::distribution::normal_cdf;
+use crate::error::{Error, Result};
+use std::f64::consts::{PI, TAU};
+
+pub(super) const INFO: MetricInfo = MetricInfo {
+    name: "crps",
+    about: "continuous ranked probability score of one component: error and honesty in one number, less is better",
+    source: "Gneiting and Raftery, J. of the American Statistical Association 102, 2007, doi:10.1198/016214506000001437",
+    unit: "state",
+};
+
+/// The score of a weighted sample: the integral of `(F(x) - [x >= truth])^2`, exact, O(n log n). Weights need not
+/// sum to one; none at all (an empty slice) means equal ones.
+///
+/// # Errors
+/// [`Error::Empty`] without values or with weights that are all zero, [`Error::Shape`], [`Error::NotFinite`],
+/// [`Error::OutOfRange`] for a negative weight.
+pub fn crps_sample(values: &[f64], weights: &[f64], truth: f64) -> Result<f64> {
+    if values.is_empty() {
+        return Err(Error::Empty { what: "values of a sample" });
+    }
+    Error::all_finite("value of a sample", values)?;
+    Error::all_finite("weight of a sample", weights)?;
+    Error::all_finite("true value", &[truth])?;
+    if !weights.is_empty() && weights.len() != values.len() {
+        let (found, expected) = (weights.len(), values.len());
+        return Err(Error::Shape { what: "weights", index: 0, found, expected });
+    }
+    if let Some(&value) = weights.iter().find(|w| **w < 0.0) {
+        return Err(Error::OutOfRange { what: "a weight", value, needs: "it must not be negative" });
+    }
+    let weight = |i: usize| weights.get(i).copied().unwrap_or(1.0);
+    let total: f64 = (0..values.len()).map(weight).sum();
+    if total <= 0.0 {
+        return Err(Error::Empty { what: "weights above zero" });
+    }
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_unstable_by(|&a, &b| values[a].total_cmp(&values[b]));
+    // F is constant between neighbours, so the integral is a sum over gaps, split where the truth lies; before the
+    // first value F is 0 and after the last it is 1.
+    let (mut score, mut below, mut left) = (0.0, 0.0_f64, values[order[0]].min(truth));
+    let gap = |left: f64, right: f64, share: f64| {
+        let (under, over) = ((right.min(truth) - left).max(0.0), (right - left.max(truth)).max(0.0));
+        under * share * share + over * (1.0 - share) * (1.0 - share)
+    };
+    for &i in &order {
+        score += gap(left, values[i], (below / total).min(1.0));
+        left = values[i];
+        below += weight(i);
+    }
+    Ok(score + gap(left, left.max(truth), 1.0))
+}
+
+/// The score of a normal forecast, in closed form; a standard deviation of zero gives the absolute error.
+///
+/// # Errors
+/// [`Error::NotFinite`], or [`Error::OutOfRange`] for a negative standard deviation.
+pub fn crps_gaussian(mean: f64, standard_deviation: f64, truth: f64) -> Result<f64> {
+    Error::all_finite("forecast or true value", &[mean, standard_deviation, truth])?;
+    if standard_deviation < 0.0 {
+        let (value, needs) = (standard_deviation, "it must not be negative");
+        return Err(Error::OutOfRange { what: "a standard deviation", value, needs });
+    }
+    if standard_deviation == 0.0 {
+        return Ok((truth - mean).abs());
+    }
+    let z = (truth - mean) / standard_deviation;
+    let density = (-0.5 * z * z).exp() / TAU.sqrt();
+    Ok(standard_deviation * (z * (2.0 * normal_cdf(z) - 1.0) + 2.0 * density - 1.0 / PI.sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_noise::Noise;
+    use super::*;
+    use proptest::prelude::*;
+
+    /// E|X - y| - E|X - X'| / 2, the definition by pairs, O(n^2).
+    fn by_pairs(values: &[f64], weights: &[f64], truth: f64) -> f64 {
+        let total: f64 = weights.iter().sum();
+        let mut score = 0.0;
+        for (x, w) in values.iter().zip(weights) {
+            score += w / total * (x - truth).abs();
+            for (y, v) in values.iter().zip(weights) {
+                score -= 0.5 * (w / total) * (v / total) * (x - y).abs();
+            }
+        }
+        score
+    }
+
+    proptest! {
+        #[test]
+        fn is_the_definition_by_pairs(
+            sample in prop::collection::vec((-5.0..5.0, 0.01..3.0), 1..20), truth in -8.0..8.0
+        ) {
+            let (values, weights): (Vec<f64>, Vec<f64>) = sample.into_iter().unzip();
+            let found = crps_sample(&values, &weights, truth).unwrap();
+            prop_assert!((found - by_pairs(&values, &weights, truth)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn by_hand() {
+        assert_eq!(crps_sample(&[2.0], &[], 5.0).unwrap(), 3.0);
+        assert_eq!(crps_sample(&[2.0], &[], -1.0).unwrap(), 3.0);
+        // Two values 0 and 1, truth 0: F = 1/2 between them.
+        assert_eq!(crps_sample(&[1.0, 0.0], &[], 0.0).unwrap(), 0.25);
+        // Weights that do not sum to one, and a value without weight.
+        assert_eq!(crps_sample(&[1.0, 0.0, 9.0], &[2.0, 2.0, 0.0], 0.0).unwrap(), 0.25);
+        // Standard normal at its mean: 2 phi(0) - 1 / sqrt(pi).
+        assert!((crps_gaussian(0.0, 1.0, 0.0).unwrap() - 0.233_695_0).abs() < 1e-7);
+        assert_eq!(crps_gaussian(1.0, 0.0, 3.5).unwrap(), 2.5);
+    }
+
+    /// The score of n draws is on average that of the law plus E|X - X'| / (2 n); by Efron and Stein its variance
+    /// is at most sd^2 / n times a constant near 1 (each draw moves the score by no more than |change| / n).
+    /// Tolerance: bias sd / (n sqrt(pi)) plus 5 sd / sqrt(n).
+    #[test]
+    fn a_sample_converges_to_the_closed_form() {
+        let (mean, sd, n) = (3.0, 2.0, 20_000);
+        let mut noise = Noise(3);
+        let values: Vec<f64> = (0..n).map(|_| mean + sd * noise.normal()).collect();
+        for truth in [-2.0, 3.0, 4.5, 11.0] {
+            let tolerance = sd / (n as f64 * PI.sqrt()) + 5.0 * sd / (n as f64).sqrt();
+            let (sample, exact) =
+                (crps_sample(&values, &[], truth).unwrap(), crps_gaussian(mean, sd, truth).unwrap());
+            assert!((sample - exact).abs() < tolerance, "{truth}: {sample} instead of {exact}");
+        }
+    }
+
+    #[test]
+    fn refuses_bad_input() {
+        assert!(matches!(crps_sample(&[], &[], 0.0), Err(Error::Empty { .. })));
+        assert!(matches!(crps_sample(&[1.0], &[0.0], 0.0), Err(Error::Empty { .. })));
+        assert!(matches!(crps_sample(&[1.0], &[1.0, 1.0], 0.0), Err(Error::Shape { .. })));
+        assert!(matches!(crps_sample(&[1.0], &[-1.0], 0.0), Err(Error::OutOfRange { .. })));
+        assert!(matches!(crps_sample(&[1.0, f64::NAN], &[], 0.0), Err(Error::NotFinite { index: 1, .. })));
+        assert!(matches!(crps_gaussian(0.0, -1.0, 0.0), Err(Error::OutOfRange { .. })));
+        assert!(matches!(crps_gaussian(0.0, 1.0, f64::NAN), Err(Error::NotFinite { .. })));
+    }
+}

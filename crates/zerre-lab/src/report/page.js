@@ -1,0 +1,17 @@
+(()=>{const q=(s,e=document)=>[...e.querySelectorAll(s)],tip=document.createElement('div');tip.id='tip';tip.hidden=true;document.body.append(tip);
+const num=v=>Math.abs(v)>=1e6||(v&&Math.abs(v)<1e-3)?v.toExponential(2):+v.toPrecision(5)+'';
+q('.chart>svg').forEach(s=>{const inner=s.querySelector('svg'),line=inner&&inner.querySelector('.mean,.dot0');if(!line)return;let pts;
+const w=+inner.getAttribute('width'),h=+inner.getAttribute('height'),left=+inner.getAttribute('x'),d=s.dataset;
+s.addEventListener('pointermove',e=>{pts=pts||[...line.getAttribute('d').matchAll(/(-?[\d.]+),(-?[\d.]+)/g)].map(m=>[+m[1],+m[2]]);if(!pts.length)return;
+const b=s.getBoundingClientRect(),x=(e.clientX-b.left)*s.viewBox.baseVal.width/b.width-left;
+const p=pts.reduce((a,c)=>Math.abs(c[0]-x)<Math.abs(a[0]-x)?c:a),t=+d.x0+p[0]/w*(d.x1-d.x0),v=+d.y1-p[1]/h*(d.y1-d.y0);
+tip.textContent=num(v)+(d.vu?' '+d.vu:'')+' at '+num(t)+' '+d.tu;tip.hidden=false;
+tip.style.left=Math.min(e.clientX+12,innerWidth-tip.offsetWidth-4)+'px';tip.style.top=e.clientY-32+'px'});
+s.addEventListener('pointerleave',()=>tip.hidden=true)});
+const plan=document.querySelector('.plan');if(!plan)return;
+const light=t=>{plan.classList.toggle('faded',t!==null);q('[data-t]',plan).forEach(g=>g.classList.toggle('lit',g.dataset.t===t))};
+q('tr[data-t]').forEach(r=>{r.addEventListener('pointerenter',()=>light(r.dataset.t));r.addEventListener('pointerleave',()=>light(null))});
+const open=id=>{const d=document.getElementById(id);if(d){d.open=true;d.scrollIntoView({behavior:'smooth'})}};
+q('.track',plan).forEach(g=>g.addEventListener('click',()=>open('track-'+g.dataset.t)));
+q('a[href^="#track-"]').forEach(a=>a.addEventListener('click',()=>{const d=document.getElementById(a.hash.slice(1));if(d)d.open=true}));
+})();
