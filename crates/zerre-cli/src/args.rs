@@ -1,7 +1,7 @@
 //! The command line. Names are a contract: none changes without an entry in the changelog.
 
 use crate::config::Format;
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ const EXAMPLES: &str = "\
 Examples:
   zerre catalog                         what there is to choose from
   zerre init track > track.toml         a commented starter configuration
-  zerre track ships.csv --explain       follow every identified target, and say why so
+  zerre track ships.csv --explain       follow every identified target; explain each setting
   zerre schema track > track.json       lets an editor check the configuration
 
 Results go to standard output and --out, everything else to standard error.
@@ -18,8 +18,8 @@ Exit codes: 0 done; 1 could not; 2 wrong usage; 3 done but degraded, with --stri
 
 /// Particle filters and their relatives: track, simulate, compare, bench.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "zerre", version, after_help = EXAMPLES, disable_help_subcommand = true)]
-#[command(max_term_width = 110)]
+#[command(name = "zerre", version, after_help = EXAMPLES, max_term_width = 110)]
+#[command(disable_help_subcommand = true, disable_help_flag = true)]
 pub struct Args {
     /// Options of every command.
     #[command(flatten)]
@@ -63,6 +63,10 @@ pub struct Global {
     /// How much to say on standard error
     #[arg(long, global = true, value_name = "LEVEL", default_value = "info")]
     pub log: Level,
+    /// Print help
+    // One form of help: the long one of clap spends a screen on lists of words.
+    #[arg(short, long, global = true, action = ArgAction::HelpShort)]
+    pub help: Option<bool>,
 }
 
 /// How much is said; each level includes those before it.

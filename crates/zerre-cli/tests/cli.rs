@@ -117,7 +117,7 @@ fn init_prints_or_writes_and_overwrites_only_by_force() {
 
 #[test]
 fn a_reader_who_leaves_early_is_no_error() {
-    // The schema is read to its first byte; the pipe then closes before or after the rest is written.
+    // The pipe closes before or while the program writes.
     for line in ["schema track", "catalog", "init", "--help"] {
         let mut child = Command::new(env!("CARGO_BIN_EXE_zerre"))
             .args(line.split(' '))

@@ -71,7 +71,7 @@ impl Source {
         toml::from_str(&self.text).map_err(|error| {
             let diagnostic = match unknown_name(error.message()) {
                 Some((what, name, known)) => suggest(Diagnostic::new(what), name, &known),
-                None => Diagnostic::new(error.message().trim().replace('\n', ": ")),
+                None => Diagnostic::new(plainly(error.message())),
             };
             match error.span() {
                 Some(span) => diagnostic.at(Place::new(&self.name, &self.text, span)),
@@ -129,6 +129,14 @@ pub(super) fn dotted<S: AsRef<str>>(path: &[S]) -> String {
     path.iter().map(part).collect::<Vec<_>>().join(".")
 }
 
+/// A message without the names of Rust's types.
+fn plainly(message: &str) -> String {
+    let message = message.trim().replace('\n', ": ");
+    message
+        .replace("expected f64", "expected a number")
+        .replace("expected u32", "expected a whole number of at least 0")
+}
+
 /// Reads serde's "unknown field `x`, expected one of `a`, `b`" (and the same of variants): its only carrier of the
 /// names that would have been right. A message of another form is shown as it is.
 fn unknown_name(message: &str) -> Option<(String, &str, Vec<&str>)> {
@@ -160,6 +168,28 @@ mod tests {
         assert_eq!(source.locate(&["b", "absent"]).unwrap().line, 2);
         assert_eq!(source.locate(&["absent"]), None);
         assert_eq!(dotted(&["b", "x y", "z"]), "b.\"x y\".z");
+    }
+
+    #[test]
+    fn what_editors_do_to_line_ends_moves_no_place() {
+        let source = Source::new("f", "\u{feff}a = 1\r\n[b]\r\nc = x\r\n");
+        let text = source.parse::<toml::Table>().unwrap_err().to_string();
+        assert!(text.contains("f:3:5"), "{text}");
+        assert!(Source::new("f", "\u{feff}a = 1\r\n").parse::<toml::Table>().is_ok());
+    }
+
+    #[test]
+    fn files_that_are_no_configuration_are_refused() {
+        let path = std::env::temp_dir().join(format!("zerre-source-{}", std::process::id()));
+        std::fs::write(&path, b"a = 1\nb = \xff\n").unwrap();
+        let text = Source::read(&path).unwrap_err().to_string();
+        assert!(text.contains("line 2") && text.contains("not UTF-8"), "{text}");
+        std::fs::write(&path, vec![b'#'; Source::MAX_BYTES as usize]).unwrap();
+        assert!(Source::read(&path).is_ok());
+        std::fs::write(&path, vec![b'#'; Source::MAX_BYTES as usize + 1]).unwrap();
+        assert!(Source::read(&path).unwrap_err().to_string().contains("larger than a mebibyte"));
+        std::fs::remove_file(&path).unwrap();
+        assert!(Source::read(&path).unwrap_err().to_string().contains("no such file"));
     }
 
     #[test]

@@ -18,16 +18,16 @@ const RECORD: &str = "run.json";
 
 /// Where outputs shall go.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct Destination {
     path: PathBuf,
     /// Whether the user named it.
     explicit: bool,
     force: bool,
 }
 
-impl Place {
+impl Destination {
     /// The folder of `--out`, else `out/<command>-<name of the first input>`.
-    pub fn of(options: &Global, command: &str, input: Option<&Path>) -> Place {
+    pub fn of(options: &Global, command: &str, input: Option<&Path>) -> Destination {
         let path = options.out.clone().unwrap_or_else(|| match input {
             None => Path::new("out").join(command),
             Some(input) if input == Path::new("-") => Path::new("out").join(format!("{command}-stdin")),
@@ -40,7 +40,7 @@ impl Place {
                 Path::new("out").join(format!("{command}-{name}"))
             }
         });
-        Place { path, explicit: options.out.is_some(), force: options.force }
+        Destination { path, explicit: options.out.is_some(), force: options.force }
     }
 }
 
@@ -75,7 +75,7 @@ impl Folder {
     /// # Errors
     /// A folder that is not empty: named with `--out` and without `--force`, or the default one without a
     /// `run.json` of ours. A folder that another run is writing to. A system that refuses.
-    pub fn open(place: &Place, command: &str) -> Result<Folder, Diagnostic> {
+    pub fn open(place: &Destination, command: &str) -> Result<Folder, Diagnostic> {
         let path = &place.path;
         fs::create_dir_all(path).map_err(|error| Diagnostic::io("make the folder", path, &error))?;
         let lock = lock(path)?;
@@ -130,7 +130,7 @@ impl Folder {
         let aside = Aside::write(&target, fill)?;
         self.begin()?;
         self.files.insert(name.to_owned());
-        self.journal(State::Unfinished)?;
+        self.journal()?;
         aside.appear(&target)
     }
 
@@ -156,7 +156,7 @@ impl Folder {
         if self.begun {
             return Ok(());
         }
-        self.journal(State::Unfinished)?;
+        self.journal()?;
         for name in self.earlier.drain(..) {
             let path = self.path.join(&name);
             match fs::remove_file(&path) {
@@ -170,12 +170,13 @@ impl Folder {
         Ok(())
     }
 
-    fn journal(&self, state: State) -> Result<(), Diagnostic> {
+    /// Notes whose the files are, before they appear.
+    fn journal(&self) -> Result<(), Diagnostic> {
         self.write_record(&Ownership {
             program: PROGRAM.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: self.command.clone(),
-            state,
+            state: State::Unfinished,
             files: self.files.iter().chain(&self.earlier).cloned().collect(),
         })
     }
@@ -269,11 +270,11 @@ mod tests {
         path
     }
 
-    fn place(path: &Path, explicit: bool, force: bool) -> Place {
-        Place { path: path.to_owned(), explicit, force }
+    fn place(path: &Path, explicit: bool, force: bool) -> Destination {
+        Destination { path: path.to_owned(), explicit, force }
     }
 
-    fn run(place: &Place, files: &[&str]) -> Result<PathBuf, Diagnostic> {
+    fn run(place: &Destination, files: &[&str]) -> Result<PathBuf, Diagnostic> {
         let mut folder = Folder::open(place, "track")?;
         for name in files {
             folder.write(name, |file| writeln!(file, "{name} of this run"))?;
@@ -292,7 +293,7 @@ mod tests {
     fn the_default_folder_is_named_after_command_and_input() {
         let of = |line: &str, input: Option<&str>| {
             let args = Args::try_parse_from(line.split(' ')).unwrap();
-            Place::of(&args.global, "track", input.map(Path::new)).path
+            Destination::of(&args.global, "track", input.map(Path::new)).path
         };
         assert_eq!(of("zerre bench", Some("data/ships.csv")), Path::new("out/track-ships"));
         assert_eq!(of("zerre bench", Some("-")), Path::new("out/track-stdin"));

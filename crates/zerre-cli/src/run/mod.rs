@@ -5,7 +5,7 @@ mod interrupt;
 mod progress;
 mod record;
 
-pub use folder::{Folder, Place};
+pub use folder::{Destination, Folder};
 pub use interrupt::{interrupted, listen};
 pub use progress::Progress;
 pub use record::{Counts, EstimatesDigest, Hashing, Input, OutcomeCount, Record, State, config_digest};

@@ -16,6 +16,8 @@ pub struct Progress {
 }
 
 const PATIENCE: Duration = Duration::from_secs(1);
+const KNOWN: &str = "{wide_bar} {percent} % of {len} {msg}, {eta} left";
+const UNKNOWN: &str = "{spinner} {pos} {msg}, {elapsed}";
 
 impl Progress {
     /// Work of `total` units, if that is known; `what` names the unit in the plural ("measurements").
@@ -35,8 +37,8 @@ impl Progress {
 
     fn show(&self) -> ProgressBar {
         let (bar, template) = match self.total {
-            Some(total) => (ProgressBar::new(total), "{wide_bar} {percent} % of {len} {msg}, {eta} left"),
-            None => (ProgressBar::no_length(), "{spinner} {pos} {msg}, {elapsed}"),
+            Some(total) => (ProgressBar::new(total), KNOWN),
+            None => (ProgressBar::no_length(), UNKNOWN),
         };
         // A template that does not parse costs the looks of the bar, not the run.
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());

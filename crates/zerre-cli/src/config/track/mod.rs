@@ -1,7 +1,9 @@
-//! The configuration of `zerre track`. Every key may be absent: [`Effective`] says what then holds, and why.
+//! The configuration of `zerre track`. Every key may be absent: [`Effective`](super::Effective) says what then holds, and why.
 
-use super::effective::Effective;
-use super::source::{Problem, Source};
+mod check;
+mod settings;
+
+use super::source::Source;
 use crate::diagnostic::Diagnostic;
 use clap::ValueEnum;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -11,6 +13,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
+
+pub use settings::{InputSettings, LifeSettings, ParticleSettings, StartSettings};
 
 /// What `zerre track` can be told. Units are part of the key; a noise that is absent is learnt from the recording.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
@@ -332,278 +336,6 @@ impl TrackConfig {
         config.check().map_err(|problem| source.diagnose(&problem))?;
         Ok(config)
     }
-
-    /// Whether the values have a meaning, as far as that shows without the recording.
-    ///
-    /// # Errors
-    /// The first value that has none.
-    pub fn check(&self) -> Result<(), Problem> {
-        let filter = |key| ["filter", key];
-        if self.filter.particles == Some(0) {
-            return Err(problem(&filter("particles"), "at least one particle is needed"));
-        }
-        probability(&filter("threshold"), self.filter.threshold)?;
-        not_negative(&filter("roughening"), self.filter.roughening)?;
-
-        let m = &self.motion;
-        let motion = |key| ["motion", key];
-        not_negative(&motion("acceleration_sd_mps2"), m.acceleration_sd_mps2)?;
-        not_negative(&motion("jerk_sd_mps3"), m.jerk_sd_mps3)?;
-        finite(&motion("turn_rate_rad_s"), m.turn_rate_rad_s)?;
-        not_negative(&motion("turn_acceleration_sd_rad_s2"), m.turn_acceleration_sd_rad_s2)?;
-        positive(&motion("tau_s"), m.tau_s)?;
-        positive(&motion("a_max_mps2"), m.a_max_mps2)?;
-        probability(&motion("p_max"), m.p_max)?;
-        probability(&motion("p_0"), m.p_0)?;
-
-        probability(&["input", "max_rejected"], self.input.max_rejected)?;
-        geodetic(&["input", "origin"], self.input.origin)?;
-        positive(&["start", "speed_sd_mps"], self.start.speed_sd_mps)?;
-        positive(&["start", "acceleration_sd_mps2"], self.start.acceleration_sd_mps2)?;
-        positive(&["start", "turn_rate_sd_rad_s"], self.start.turn_rate_sd_rad_s)?;
-        positive(&["track", "max_gap_s"], self.life.max_gap_s)?;
-        self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))
-    }
-}
-
-impl SensorConfig {
-    fn check(&self, name: &str) -> Result<(), Problem> {
-        let at = |key| ["sensor", name, key];
-        positive(&at("position_sd_m"), self.position_sd_m)?;
-        positive(&at("range_sd_m"), self.range_sd_m)?;
-        positive(&at("bearing_sd_rad"), self.bearing_sd_rad)?;
-        positive(&at("bearing_sd_deg"), self.bearing_sd_deg)?;
-        positive(&at("elevation_sd_rad"), self.elevation_sd_rad)?;
-        positive(&at("elevation_sd_deg"), self.elevation_sd_deg)?;
-        positive(&at("range_rate_sd_mps"), self.range_rate_sd_mps)?;
-        either(
-            &at("bearing_sd_deg"),
-            "bearing_sd_rad",
-            self.bearing_sd_deg.is_some() && self.bearing_sd_rad.is_some(),
-        )?;
-        let both = self.elevation_sd_deg.is_some() && self.elevation_sd_rad.is_some();
-        either(&at("elevation_sd_deg"), "elevation_sd_rad", both)?;
-        either(&at("position"), "position_m", self.position.is_some() && self.position_m.is_some())?;
-        geodetic(&at("position"), self.position)?;
-        if let Some(position) = &self.position_m {
-            if !(2..=3).contains(&position.len()) {
-                let found = format!("{} numbers found, x, y or x, y, z expected", position.len());
-                return Err(problem(&at("position_m"), &found));
-            }
-            position.iter().try_for_each(|value| finite(&at("position_m"), Some(*value)))?;
-        }
-        let below_one = |value: f64| (0.0..1.0).contains(&value);
-        range(&at("gate"), self.gate, below_one, "a probability from 0 to below 1 is needed (0: no gate)")?;
-        let robust = |key| ["sensor", name, "robust", key];
-        match self.robust {
-            None => Ok(()),
-            Some(Robust::StudentT { dof }) => positive(&robust("dof"), Some(dof)),
-            Some(Robust::Outliers { share, scale }) => {
-                range(&robust("share"), Some(share), below_one, "a share from 0 to below 1 is needed")?;
-                range(
-                    &robust("scale"),
-                    Some(scale),
-                    |v| v >= 1.0,
-                    "at least 1 is needed: outliers err more than the others",
-                )
-            }
-        }
-    }
-}
-
-fn problem(path: &[&str], what: &str) -> Problem {
-    Problem { path: path.iter().map(|key| (*key).to_owned()).collect(), what: what.to_owned() }
-}
-
-fn range(path: &[&str], value: Option<f64>, holds: impl Fn(f64) -> bool, needs: &str) -> Result<(), Problem> {
-    match value {
-        Some(value) if !value.is_finite() => Err(problem(path, &format!("{value} is not a finite number"))),
-        Some(value) if !holds(value) => Err(problem(path, &format!("{value} is out of range; {needs}"))),
-        _ => Ok(()),
-    }
-}
-
-fn finite(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
-    range(path, value, |_| true, "")
-}
-
-fn positive(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
-    range(path, value, |v| v > 0.0, "a number above zero is needed")
-}
-
-fn not_negative(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
-    range(path, value, |v| v >= 0.0, "zero or a number above it is needed")
-}
-
-fn probability(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
-    range(path, value, |v| (0.0..=1.0).contains(&v), "a number from 0 to 1 is needed")
-}
-
-fn either(path: &[&str], other: &str, both: bool) -> Result<(), Problem> {
-    if both {
-        Err(problem(path, &format!("`{other}` is given as well; keep one of the two")))
-    } else {
-        Ok(())
-    }
-}
-
-fn geodetic(path: &[&str], point: Option<Geodetic>) -> Result<(), Problem> {
-    let Some(point) = point else { return Ok(()) };
-    let at = |key| [path, &[key]].concat();
-    range(&at("lat_deg"), Some(point.lat_deg), |v| v.abs() <= 90.0, "degrees from -90 to 90 are needed")?;
-    range(&at("lon_deg"), Some(point.lon_deg), |v| v.abs() <= 180.0, "degrees from -180 to 180 are needed")?;
-    finite(&at("alt_m"), Some(point.alt_m))
-}
-
-/// How the recording is read, settled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InputSettings {
-    /// Format of the recording; `Auto` is still to be told from the file.
-    pub format: Format,
-    /// Share of rejected rows above which the recording is refused.
-    pub max_rejected: f64,
-}
-
-impl InputConfig {
-    /// The settings, with their reasons in `effective`. The origin and the columns are listed as given.
-    pub fn settle(&self, effective: &mut Effective) -> InputSettings {
-        let format = effective.settle(&["input", "format"], &self.format, Format::Auto, "told from the file");
-        let why = "more than one bad row in a hundred is a wrong format, not noise";
-        let max_rejected = effective.settle(&["input", "max_rejected"], &self.max_rejected, 0.01, why);
-        for (header, name) in &self.columns {
-            effective.settle_given(&["input", "columns", header], &Some(name));
-        }
-        if let Some(origin) = self.origin {
-            effective.settle_given(&["input", "origin", "lat_deg"], &Some(origin.lat_deg));
-            effective.settle_given(&["input", "origin", "lon_deg"], &Some(origin.lon_deg));
-            effective.settle_given(&["input", "origin", "alt_m"], &Some(origin.alt_m));
-        }
-        InputSettings { format, max_rejected }
-    }
-}
-
-/// The particles of a filter that has them, settled.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ParticleSettings {
-    /// Number of particles.
-    pub particles: u32,
-    /// A name of the catalogue's resamplers, not yet checked.
-    pub resampling: String,
-    /// When particles are resampled.
-    pub resample_when: ResampleWhen,
-    /// Share of the particles below which the effective number has to fall.
-    pub threshold: f64,
-    /// Factor of the jitter after resampling.
-    pub roughening: f64,
-    /// Resolution of the process-noise normals.
-    pub normals: Normals,
-    /// Generator of random numbers.
-    pub generator: Generator,
-}
-
-impl FilterConfig {
-    /// The settings of a filter with particles, with their reasons in `effective`.
-    pub fn settle_particles(&self, effective: &mut Effective) -> ParticleSettings {
-        let at = |key| ["filter", key];
-        let even = "evenly spaced: the least noise of the common schemes";
-        ParticleSettings {
-            particles: effective.settle(
-                &at("particles"),
-                &self.particles,
-                2000,
-                "enough for one target in the plane",
-            ),
-            resampling: effective.settle(&at("resampling"), &self.resampling, "systematic".to_owned(), even),
-            resample_when: effective.settle(
-                &at("resample_when"),
-                &self.resample_when,
-                ResampleWhen::Below,
-                "resampling adds noise, so only when the weights need it",
-            ),
-            threshold: effective.settle(
-                &at("threshold"),
-                &self.threshold,
-                0.5,
-                "half of the particles still count",
-            ),
-            roughening: effective.settle(
-                &at("roughening"),
-                &self.roughening,
-                0.0,
-                "process noise spreads the copies",
-            ),
-            normals: effective.settle(&at("normals"), &self.normals, Normals::F64, "full resolution"),
-            generator: effective.settle(
-                &at("generator"),
-                &self.generator,
-                Generator::Philox,
-                "the reproducible standard",
-            ),
-        }
-    }
-}
-
-/// What is believed of a target before it is measured, settled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StartSettings {
-    /// Standard deviation of each component of the velocity, m/s.
-    pub speed_sd_mps: f64,
-    /// Standard deviation of each component of the acceleration, m/s².
-    pub acceleration_sd_mps2: f64,
-    /// Standard deviation of the turn rate, rad/s.
-    pub turn_rate_sd_rad_s: f64,
-}
-
-impl StartConfig {
-    /// The settings, with their reasons in `effective`.
-    pub fn settle(&self, effective: &mut Effective) -> StartSettings {
-        let at = |key| ["start", key];
-        StartSettings {
-            speed_sd_mps: effective.settle(
-                &at("speed_sd_mps"),
-                &self.speed_sd_mps,
-                30.0,
-                "road traffic, ships and drones",
-            ),
-            acceleration_sd_mps2: effective.settle(
-                &at("acceleration_sd_mps2"),
-                &self.acceleration_sd_mps2,
-                2.0,
-                "a fifth of gravity: vehicles and airliners seldom exceed it",
-            ),
-            turn_rate_sd_rad_s: effective.settle(
-                &at("turn_rate_sd_rad_s"),
-                &self.turn_rate_sd_rad_s,
-                0.05,
-                "aviation's standard turn, 3 degrees per second",
-            ),
-        }
-    }
-}
-
-/// When a track ends and what is reported of it, settled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LifeSettings {
-    /// A longer silence ends a track, s.
-    pub max_gap_s: f64,
-    /// The point that stands for the belief.
-    pub estimate: Estimate,
-}
-
-impl LifeConfig {
-    /// The settings, with their reasons in `effective`.
-    pub fn settle(&self, effective: &mut Effective) -> LifeSettings {
-        let why = "after five minutes a prediction says nothing";
-        LifeSettings {
-            max_gap_s: effective.settle(&["track", "max_gap_s"], &self.max_gap_s, 300.0, why),
-            estimate: effective.settle(
-                &["track", "estimate"],
-                &self.estimate,
-                Estimate::Mean,
-                "the least mean square error",
-            ),
-        }
-    }
 }
 
 #[cfg(test)]
@@ -628,7 +360,7 @@ mod tests {
             ("filter = 3", "f.toml:1:10", "a name in quotes or a table"),
             ("filter = \"\"", "f.toml:1:10", "the name is empty"),
             ("[filter]\nparticles = 0", "f.toml:2:13", "at least one particle"),
-            ("[filter]\nparticles = -5", "f.toml:2:13", "-5"),
+            ("[filter]\nparticles = -5", "f.toml:2:13", "integer `-5`, expected a whole number"),
             ("[filter]\nresample_when = \"belwo\"", "f.toml:2:17", "did you mean `below`?"),
             ("[filter]\nthreshold = 1.5", "f.toml:2:13", "1.5 is out of range"),
             ("[filter]\nparticels = 5", "f.toml:2:1", "did you mean `particles`?"),
@@ -643,7 +375,7 @@ mod tests {
                 "sensor.north.range_sd_m: -3 is out of range",
             ),
             ("[sensor.a]\nbearing_sd_deg = 1\nbearing_sd_rad = 1", "f.toml:2:18", "keep one of the two"),
-            ("[sensor.a]\nposition_m = [1]", "f.toml:2:14", "1 numbers found"),
+            ("[sensor.a]\nposition_m = [1]", "f.toml:2:14", "the list holds 1"),
             ("[sensor.a]\nposition_m = [1, inf]", "f.toml:2:14", "inf is not a finite"),
             ("[sensor.a]\ngate = 1", "f.toml:2:8", "below 1"),
             ("[sensor.a]\nrobust = { kind = \"student-t\", dof = 0 }", "f.toml:2:38", "above zero"),
@@ -653,7 +385,7 @@ mod tests {
                 "f.toml:2:52",
                 "at least 1",
             ),
-            ("[track]\nmax_gap_s = \"long\"", "f.toml:2:13", "invalid type"),
+            ("[track]\nmax_gap_s = \"long\"", "f.toml:2:13", "expected a number"),
             ("[track]\nmax_gap_s = 1\nmax_gap_s = 2", "f.toml:3:1", "duplicate"),
             ("[trak]", "f.toml:1:2", "did you mean `track`?"),
             ("[track", "f.toml:1:", "error"),
