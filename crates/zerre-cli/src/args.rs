@@ -45,10 +45,10 @@ pub struct Global {
     /// Folder for outputs [default: out/COMMAND-INPUT, replaced when an earlier run made it]
     #[arg(long, global = true, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write into an --out folder that is not empty; files of an earlier run are replaced, others stay
+    /// Write into a folder that is not empty: files of an earlier run and of the same names are replaced
     #[arg(long, global = true)]
     pub force: bool,
-    /// Continue an interrupted study or reproduction in its folder
+    /// Continue in the folder of an interrupted run; commands that start anew each time refuse it
     #[arg(long, global = true)]
     pub resume: bool,
     /// Print the effective configuration with the reason for each value

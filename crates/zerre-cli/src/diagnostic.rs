@@ -67,9 +67,12 @@ impl fmt::Display for Place {
 }
 
 impl Diagnostic {
-    /// A refusal; `what` is a sentence without its full stop.
+    /// A refusal; `what` is a sentence without its full stop. Names in it may come from a stranger's file, so
+    /// characters that would command the terminal are replaced.
     pub fn new(what: impl Into<String>) -> Diagnostic {
-        Diagnostic { what: what.into(), place: None, help: Vec::new(), usage: false }
+        let harmless = |c: char| if c.is_control() && c != '\n' { char::REPLACEMENT_CHARACTER } else { c };
+        let what = what.into().chars().map(harmless).collect();
+        Diagnostic { what, place: None, help: Vec::new(), usage: false }
     }
 
     /// A command line that has no meaning: exit code 2.
@@ -186,6 +189,12 @@ mod tests {
             "{text}"
         );
         assert_eq!(known_name("resampling", "imm", &known), Ok(()));
+    }
+
+    #[test]
+    fn a_diagnostic_cannot_command_the_terminal() {
+        let text = known_name("sensor", "\u{1b}[2Jx", &["radar"]).unwrap_err().to_string();
+        assert!(text.contains("`\u{fffd}[2Jx`"), "{text:?}");
     }
 
     #[test]

@@ -402,4 +402,26 @@ mod tests {
         let sensor = &config.sensor["default"];
         assert_eq!((sensor.bearing_sd(), sensor.elevation_sd()), (Some(std::f64::consts::PI), Some(0.5)));
     }
+
+    proptest::proptest! {
+        /// A damaged configuration is read or refused in words, whatever the damage.
+        #[test]
+        fn damage_is_never_a_panic(
+            start in 0usize..3600,
+            length in 0usize..40,
+            patch in "[\\[\\]{}=\"'.,#\\-\\neinfa0-9é\\x00-\\x1f]{0,12}",
+        ) {
+            // Every setting switched on; prose stays a comment.
+            let whole = crate::config::starter("track").unwrap().replace("\n#", "\n").replace("\n ", "\n# ");
+            proptest::prop_assert!(read(&whole).is_ok());
+            let mut text: Vec<char> = whole.chars().collect();
+            let start = start.min(text.len());
+            let end = (start + length).min(text.len());
+            text.splice(start..end, patch.chars());
+            let text = String::from_iter(text);
+            if let Err(shown) = read(&text) {
+                proptest::prop_assert!(shown.starts_with("error: ") && shown.len() > "error: ".len());
+            }
+        }
+    }
 }
