@@ -1,7 +1,11 @@
 //! Particle filters and their relatives.
 
+pub mod belief;
 pub mod error;
 pub mod filter;
+pub mod math;
+pub mod model;
+pub mod rng;
 pub mod time;
 pub mod track;
 

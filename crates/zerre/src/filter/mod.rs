@@ -1,6 +1,55 @@
-//! Rules that change beliefs.
+//! Rules that change beliefs. A filter holds models and settings and never changes; a belief is a value.
 
+use crate::error::Result;
+use crate::rng::Stream;
+use crate::time::Time;
 use serde::{Deserialize, Serialize};
+
+/// A Bayesian filter.
+pub trait Filter {
+    /// What the sensor reports.
+    type Measurement: ?Sized;
+    /// What is known of the state.
+    type Belief;
+
+    /// The belief before any measurement.
+    ///
+    /// # Errors
+    /// A prior that is not a law (not finite, not positive definite).
+    fn start(&self, at: Time, stream: Stream) -> Result<Self::Belief>;
+
+    /// Moves the belief to `to` and takes `z` in. Without `z` it is a prediction; with `to` equal to the belief's
+    /// time it is an update alone, and draws no process noise.
+    ///
+    /// # Errors
+    /// A step back in time, a measurement that is not finite, a model that refuses its parameters. The belief is
+    /// then as it was.
+    fn step(&self, belief: &mut Self::Belief, to: Time, z: Option<&Self::Measurement>) -> Result<Update>;
+}
+
+/// What one step did.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Update {
+    /// What became of the measurement.
+    pub outcome: Outcome,
+    /// log p(z_k | z_1..k-1), or its estimate; 0 without a measurement, -inf when the outcome is degenerate.
+    pub log_evidence: f64,
+    /// How the particles fared; `None` for filters without particles.
+    pub particles: Option<ParticleUpdate>,
+}
+
+/// How the particles fared in one step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParticleUpdate {
+    /// Effective sample size 1 / sum w^2 after weighting, before resampling.
+    pub ess: f64,
+    /// Whether the step ended with resampling.
+    pub resampled: bool,
+    /// How many particles of the step before have descendants in this one.
+    pub distinct_ancestors: usize,
+    /// Particles whose likelihood was NaN or +inf: they got weight zero.
+    pub not_finite: usize,
+}
 
 /// What became of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
