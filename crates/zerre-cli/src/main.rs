@@ -1,2 +1,4 @@
-//! The command line of zerre.
-fn main() {}
+//! The binary `zerre`: everything is in the library beside it, where tests reach it.
+fn main() -> std::process::ExitCode {
+    zerre_cli::main()
+}

@@ -1,0 +1,288 @@
+//! The command line. Names are a contract: none changes without an entry in the changelog.
+
+use crate::config::Format;
+use clap::{ArgAction, Parser, Subcommand, ValueEnum};
+use serde::Serialize;
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  zerre catalog                         what there is to choose from
+  zerre init track > track.toml         a commented starter configuration
+  zerre track ships.csv --explain       follow every identified target; explain each setting
+  zerre schema track > track.json       lets an editor check the configuration
+
+Results go to standard output and --out, everything else to standard error.
+Exit codes: 0 done; 1 could not; 2 wrong usage; 3 done but degraded, with --strict.";
+
+/// Particle filters and their relatives: track, simulate, compare, bench.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "zerre", version, after_help = EXAMPLES, max_term_width = 110)]
+#[command(disable_help_subcommand = true, disable_help_flag = true)]
+pub struct Args {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options that stand before or after the command.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Options of every command")]
+pub struct Global {
+    /// Seed of all random numbers: the same seed gives the same bits
+    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Threads [default: all cores]; never changes results
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// SIMD level, for tests; never changes results
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "auto")]
+    pub simd: Simd,
+    /// Folder for outputs [default: out/COMMAND-INPUT, replaced when an earlier run made it]
+    #[arg(long, global = true, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that is not empty: files of an earlier run and of the same names are replaced
+    #[arg(long, global = true)]
+    pub force: bool,
+    /// Continue in the folder of an interrupted run; commands that start anew each time refuse it
+    #[arg(long, global = true)]
+    pub resume: bool,
+    /// Print the effective configuration with the reason for each value
+    #[arg(long, global = true)]
+    pub explain: bool,
+    /// Print exactly one JSON document on standard output
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print errors only
+    #[arg(long, global = true)]
+    pub quiet: bool,
+    /// How much to say on standard error
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "info")]
+    pub log: Level,
+    /// Print help
+    // One form of help: the long one of clap spends a screen on lists of words.
+    #[arg(short, long, global = true, action = ArgAction::HelpShort)]
+    pub help: Option<bool>,
+}
+
+/// How much is said; each level includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum Level {
+    /// Errors.
+    Error,
+    /// What makes results doubtful.
+    Warn,
+    /// What was done.
+    Info,
+    /// What only the hunter of a fault wants.
+    Debug,
+}
+
+/// SIMD levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Simd {
+    /// The best that the processor has.
+    Auto,
+    /// None.
+    Scalar,
+    /// 256 bits on x86-64.
+    Avx2,
+    /// 512 bits on x86-64.
+    Avx512,
+    /// 128 bits on ARM.
+    Neon,
+}
+
+/// The commands.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Follow targets in recorded measurements
+    Track(Track),
+    /// Make measurements and truth of a scenario
+    Simulate(Simulate),
+    /// Score estimates against truth
+    Compare(Compare),
+    /// Measure the speed of this machine
+    #[command(after_help = BENCH)]
+    Bench,
+    /// List what there is to choose from, with one line each
+    #[command(after_help = CATALOG)]
+    Catalog {
+        /// One list only, as `filters` or `formats`
+        kind: Option<String>,
+    },
+    /// Print the JSON Schema of a configuration file
+    #[command(after_help = SCHEMA)]
+    Schema {
+        /// Kind of configuration: track
+        kind: String,
+    },
+    /// Print a commented starter configuration
+    #[command(after_help = INIT)]
+    Init {
+        /// Kind of configuration: track
+        #[arg(default_value = "track")]
+        kind: String,
+    },
+}
+
+const TRACK: &str = "\
+Examples:
+  zerre track ships.csv
+  zerre track radar.csv --config track.toml --explain
+  zerre track plots.csv --truth truth.csv --json
+  zerre track fixes.csv --single --filter particle --motion constant-velocity
+  zcat day.csv.gz | zerre track - > rows.csv
+
+Input is a table with a header whose names carry units: time_s or time (RFC 3339), then
+x_m y_m | range_m bearing_deg | lat_deg lon_deg ..., and id where targets are identified.
+Outputs in --out: tracks.csv, tracks.parquet, tracks.geojson (geographic input), report.html, run.json.";
+
+/// Follow targets in recorded measurements
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = TRACK)]
+pub struct Track {
+    /// Recordings; - is standard input and writes a row per measurement
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Configuration (`zerre init track` writes one)
+    #[arg(long, value_name = "F.toml")]
+    pub config: Option<PathBuf>,
+    /// Format of the recordings [default: auto, or the configuration's]
+    #[arg(long)]
+    pub format: Option<Format>,
+    /// Truth to score the tracks against
+    #[arg(long, value_name = "F")]
+    pub truth: Option<PathBuf>,
+    /// Take all measurements as of one target
+    #[arg(long)]
+    pub single: bool,
+    /// End with exit code 3 when the outcome is degraded (track lost, filter inconsistent)
+    #[arg(long)]
+    pub strict: bool,
+    /// Filter, a name of `zerre catalog filters` [default: auto, or the configuration's]
+    #[arg(long, value_name = "NAME")]
+    pub filter: Option<String>,
+    /// Motion model, a name of `zerre catalog motions` [default: auto, or the configuration's]
+    #[arg(long, value_name = "NAME")]
+    pub motion: Option<String>,
+}
+
+const SIMULATE: &str = "\
+Examples:
+  zerre catalog scenarios
+  zerre simulate SCENARIO --seed 7 --out made
+  zerre simulate SCENARIO --runs 100
+
+Outputs in --out: measurements.csv, truth.csv, run.json.";
+
+/// Make measurements and truth of a scenario
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = SIMULATE)]
+pub struct Simulate {
+    /// A name of `zerre catalog scenarios`, or a scenario file
+    pub scenario: String,
+    /// Independent repetitions
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub runs: NonZeroU32,
+}
+
+const COMPARE: &str = "\
+Examples:
+  zerre compare out/track-plots/tracks.csv truth.csv --metric rmse
+  zerre compare tracks.csv truth.csv --metric gospa nees --json
+
+`zerre catalog metrics` lists the metrics with their units.";
+
+/// Score estimates against truth
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = COMPARE)]
+pub struct Compare {
+    /// Estimates
+    #[arg(value_name = "A.csv")]
+    pub estimates: PathBuf,
+    /// Truth
+    #[arg(value_name = "B.csv")]
+    pub truth: PathBuf,
+    /// Metrics, names of `zerre catalog metrics`
+    #[arg(long, value_name = "NAME", required = true, num_args = 1..)]
+    pub metric: Vec<String>,
+}
+
+const BENCH: &str = "\
+Examples:
+  zerre bench
+  zerre bench --threads 1 --json > bench.json
+
+Times are nanoseconds per particle and step; a quiet machine gives steady ones.";
+
+const CATALOG: &str = "\
+Examples:
+  zerre catalog
+  zerre catalog formats
+  zerre catalog --json";
+
+const SCHEMA: &str = "\
+Example:
+  zerre schema track > track.schema.json";
+
+const INIT: &str = "\
+Examples:
+  zerre init track > track.toml         print it
+  zerre init track --out .              write ./track.toml, unless it is there (--force replaces it)";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definition_is_sound() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn options_of_every_command_stand_before_or_after_it() {
+        for line in [
+            ["zerre", "--seed", "7", "--out", "d", "track", "a.csv", "-"].as_slice(),
+            &["zerre", "track", "a.csv", "-", "--seed", "7", "--out", "d"],
+        ] {
+            let args = Args::try_parse_from(line).unwrap();
+            assert_eq!((args.global.seed, args.global.out), (7, Some("d".into())));
+            let Command::Track(track) = args.command else { panic!("not track") };
+            assert_eq!(track.inputs, [PathBuf::from("a.csv"), PathBuf::from("-")]);
+        }
+    }
+
+    #[test]
+    fn every_documented_form_is_taken() {
+        for line in [
+            "track a --config f --format ais --truth t --single --strict --filter particle --motion singer",
+            "simulate s --runs 5",
+            "compare a b --metric rmse gospa --metric nees",
+            "bench --json --threads 2 --simd avx512",
+            "catalog filters --json --quiet",
+            "schema track",
+            "init --log debug",
+        ] {
+            let words = std::iter::once("zerre").chain(line.split(' '));
+            assert!(Args::try_parse_from(words).is_ok(), "{line}");
+        }
+        for line in [
+            "track",
+            "compare a b",
+            "simulate s --runs 0",
+            "bench --threads 0",
+            "track a --format gpx",
+            "study f",
+        ] {
+            let words = std::iter::once("zerre").chain(line.split(' '));
+            assert!(Args::try_parse_from(words).is_err(), "{line}");
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! What there is to choose from: one list per kind, which help, diagnostics and `zerre catalog` share.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// One thing that can be named on the command line or in a configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Entry {
+    /// The list it belongs to, in the plural: `filters`, `motions`, `formats`.
+    #[serde(skip)]
+    pub kind: &'static str,
+    /// The name to write.
+    pub name: &'static str,
+    /// One line on what it is.
+    pub about: &'static str,
+    /// Where it comes from: a paper, a standard.
+    pub source: &'static str,
+}
+
+/// Entries by kind.
+pub type Kinds<'a> = BTreeMap<&'static str, Vec<&'a Entry>>;
+
+/// `entries` by kind, each kind in the order of the list.
+pub fn by_kind(entries: &[Entry]) -> Kinds<'_> {
+    let mut kinds = Kinds::new();
+    for entry in entries {
+        kinds.entry(entry.kind).or_default().push(entry);
+    }
+    kinds
+}
+
+/// The names of one kind.
+pub fn names(entries: &[Entry], kind: &str) -> Vec<&'static str> {
+    entries.iter().filter(|entry| entry.kind == kind).map(|entry| entry.name).collect()
+}
+
+/// Everything that this program can name.
+pub fn all() -> Vec<Entry> {
+    FORMATS.to_vec()
+}
+
+/// Formats of recordings; the names are those of [`Format`](crate::config::Format).
+const FORMATS: [Entry; 6] = [
+    format("auto", "told from the header and the first lines", ""),
+    format("csv", "table with a header whose column names carry units (range_m, bearing_deg, lat_deg)", ""),
+    format("opensky", "state vectors of aircraft as the OpenSky Network exports them", "opensky-network.org"),
+    format("ais", "positions of ships as the Danish Maritime Authority exports them", "dma.dk"),
+    format("lebl", "radar plots around Barcelona airport", ""),
+    format("uav", "fixes of drones", ""),
+];
+
+const fn format(name: &'static str, about: &'static str, source: &'static str) -> Entry {
+    Entry { kind: "formats", name, about, source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Format;
+    use clap::ValueEnum;
+
+    #[test]
+    fn the_formats_are_those_that_the_command_line_takes() {
+        let taken: Vec<_> = Format::value_variants()
+            .iter()
+            .filter_map(|f| Some(f.to_possible_value()?.get_name().to_owned()))
+            .collect();
+        assert_eq!(names(&all(), "formats"), taken);
+    }
+
+    #[test]
+    fn no_name_stands_twice_in_a_kind() {
+        for (kind, entries) in by_kind(&all()) {
+            let mut names: Vec<_> = entries.iter().map(|entry| entry.name).collect();
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), entries.len(), "{kind}");
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! Configurations: TOML files whose types give the reader, the checks, the JSON Schema and the explanation.
+
+mod effective;
+mod source;
+mod starter;
+mod track;
+
+pub use effective::{Effective, Reason, Row};
+pub use source::{Problem, Source};
+pub use starter::{KINDS, schema, starter};
+pub use track::*;

@@ -1,0 +1,86 @@
+//! The command line of zerre: arguments, configuration, diagnostics, and the record that every run leaves.
+//!
+//! The library exists so that tests reach the parts; its names follow the binary, not semantic versioning.
+//! Text for people goes to stderr, results to stdout. Exit codes: 0 done, 1 could not, 2 wrong usage,
+//! 3 done but degraded under `--strict`.
+
+pub mod args;
+pub mod catalog;
+pub mod command;
+pub mod config;
+pub mod console;
+pub mod diagnostic;
+pub mod run;
+
+use args::Args;
+use clap::Parser;
+use console::Console;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// Runs the program on the arguments of the process.
+pub fn main() -> ExitCode {
+    std::panic::set_hook(Box::new(|panic| {
+        let _ = writeln!(std::io::stderr(), "{}", bug_report(panic));
+    }));
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        Err(error) => {
+            // `print` puts help on stdout and misuse on stderr; a closed pipe is not worth a word.
+            let _ = error.print();
+            return ExitCode::from(u8::from(error.use_stderr()) * 2);
+        }
+    };
+    let console = Console::new(&args.global);
+    match command::execute(&args, &console) {
+        Ok(code) => code.into(),
+        Err(diagnostic) => {
+            console.fail(&diagnostic);
+            diagnostic.exit_code().into()
+        }
+    }
+}
+
+/// What a panic says: whose fault it is and what a report should hold. The process then ends with Rust's own 101.
+fn bug_report(panic: &dyn std::fmt::Display) -> String {
+    format!(
+        "zerre met a bug in itself and stopped: {panic}\n\
+         help: please report this text, the command line and the input at {} (zerre {})",
+        env!("CARGO_PKG_REPOSITORY"),
+        env!("CARGO_PKG_VERSION")
+    )
+}
+
+/// How the program ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// 0: done.
+    Done,
+    /// 1: could not; a diagnostic says what, where and how to mend it.
+    CouldNot,
+    /// 2: wrong usage.
+    Usage,
+    /// 3: done, but the outcome is degraded and `--strict` was given.
+    Degraded,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> ExitCode {
+        ExitCode::from(match exit {
+            Exit::Done => 0,
+            Exit::CouldNot => 1,
+            Exit::Usage => 2,
+            Exit::Degraded => 3,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_bug_report_names_the_fault_the_version_and_the_place_to_send_it() {
+        let text = super::bug_report(&"index 3 of 2");
+        assert!(text.contains("index 3 of 2") && text.contains("https://"));
+        assert!(text.contains(env!("CARGO_PKG_VERSION")));
+    }
+}
