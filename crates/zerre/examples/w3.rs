@@ -18,14 +18,7 @@ fn main() {
         })
         .collect();
     let mut out = vec![0u32; n];
-    for r in [
-        Resampling::Systematic,
-        Resampling::Systematic,
-        Resampling::Systematic,
-        Resampling::Systematic,
-        Resampling::Systematic,
-        Resampling::Systematic,
-    ] {
+    for r in [Resampling::Systematic, Resampling::Stratified, Resampling::Multinomial, Resampling::Residual] {
         let mut t = vec![];
         let mut resampler = zerre::resample::Resampler::new(r).with(
             zerre::kernels::Simd::named(&std::env::args().nth(2).unwrap()).unwrap(),
