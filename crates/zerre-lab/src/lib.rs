@@ -9,5 +9,6 @@ mod distribution;
 pub mod error;
 pub mod metric;
 pub mod report;
+pub mod scenario;
 
 pub use error::{Error, Result};

@@ -1,8 +1,10 @@
 //! The commands.
 
 mod catalog;
+mod compare;
 mod init;
 mod schema;
+mod simulate;
 
 use crate::Exit;
 use crate::args::{Args, Command};
@@ -22,7 +24,9 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Catalog { kind } => catalog::run(kind.as_deref(), console),
         Command::Schema { kind } => schema::run(kind, console),
         Command::Init { kind } => init::run(kind, &args.global, console),
-        Command::Track(_) | Command::Simulate(_) | Command::Compare(_) | Command::Bench => {
+        Command::Simulate(of) => simulate::run(of, &args.global, console),
+        Command::Compare(of) => compare::run(of, &args.global, console),
+        Command::Track(_) | Command::Bench => {
             Err(Diagnostic::new("this build holds no engine to run the command"))
         }
     }
