@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ParticleFilter::new(prior, motion, radar, Settings { particles: 5000, ..Settings::default() })?;
     let mut belief = filter.start(Time::ZERO, Stream::new(1))?;
     let (mut of_filter, mut of_sensor) = (0.0, 0.0);
-    println!("time     estimate x, y       sd     error   evidence");
+    println!(" time    estimate x, y          sd     error  evidence");
     for ((z, x), time) in measured.iter().zip(&truth).zip(&times) {
         let update = filter.step(&mut belief, *time, Some(z))?;
         let (mean, covariance) = (belief.mean(), belief.covariance());
@@ -43,7 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         of_sensor += direct * direct / times.len() as f64;
         if time.secs() % 16.0 == 0.0 {
             let [x, y, ..] = mean;
-            println!("{:>3} s  {x:8.1} {y:8.1} m  {sd:5.1} m  {error:5.1} m  {:8.2}", update.log_evidence);
+            let (t, evidence) = (time.secs(), update.log_evidence);
+            println!("{t:>3} s  {x:8.1} {y:8.1} m  {sd:6.1} m  {error:6.1} m  {evidence:8.2}");
         }
     }
     println!("RMSE: filter {:.1} m, sensor alone {:.1} m", of_filter.sqrt(), of_sensor.sqrt());

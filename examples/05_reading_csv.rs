@@ -10,7 +10,7 @@
 //!
 //! Conclude: most of the error of these plots is an offset that stays (a radar sees the side of a hull, the receiver
 //! stands elsewhere), which no filter of noise removes: look at the offset before you tune. What the filter adds is
-//! the velocity, which the radar does not measure; differences of plots give it several times worse.
+//! the velocity, which the radar does not measure; differences of plots err twice as much.
 
 use std::collections::BTreeMap;
 use std::error::Error as StdError;
