@@ -114,7 +114,7 @@ fn unsafe_stands_where_it_may() {
     for entry in fs::read_dir(root.join("crates")).unwrap() {
         rust_files(&entry.unwrap().path().join("src"), &mut files);
     }
-    let mut places = BTreeSet::new();
+    let mut places: BTreeSet<&str> = BTreeSet::new();
     for file in &files {
         let lines = unsafe_lines(&read(file));
         let place = file.strip_prefix(&root).unwrap();
