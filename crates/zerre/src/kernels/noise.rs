@@ -389,7 +389,7 @@ pub(crate) fn fill_uniforms(
 
 #[inline(always)]
 fn uniforms<S: Token>(simd: S, stream: Stream, step: u64, draw: u32, first: usize, out: &mut [f64]) {
-    debug_assert!(first % 64 == 0);
+    debug_assert!(first.is_multiple_of(64));
     let rest = [Purpose::Resample as u32 | draw << 8, step as u32, (step >> 32) as u32];
     let mut call = (first / 4) as u32;
     for chunk in out.chunks_mut(64) {
