@@ -22,13 +22,14 @@ pub trait Prior<const N: usize>: Send + Sync {
 
 impl<const N: usize> Prior<N> for Gaussian<N> {
     fn columns(&self, stream: Stream, n: usize) -> Result<[Vec<f64>; N]> {
-        let l = Cholesky::semidefinite("covariance of the prior", self.covariance())?;
+        // Not triangular: a semidefinite factor takes its pivots in the order of their size.
+        let factor = Cholesky::semidefinite("covariance of the prior", self.covariance())?;
         let mut columns = std::array::from_fn(|_| Vec::with_capacity(n));
         for particle in 0..n {
             let mut draws = stream.draws(Purpose::Prior, 0, particle as u32);
             let z: [f64; N] = std::array::from_fn(|_| draws.normal());
             for (i, column) in columns.iter_mut().enumerate() {
-                column.push((0..=i).fold(self.mean()[i], |x, k| l.0[i][k].mul_add(z[k], x)));
+                column.push((0..N).fold(self.mean()[i], |x, k| factor.0[i][k].mul_add(z[k], x)));
             }
         }
         Ok(columns)
