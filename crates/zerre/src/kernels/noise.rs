@@ -442,7 +442,7 @@ mod naive {
         pub(super) fn new(at: NoiseKey, components: usize) -> Self {
             let mut calls = Counter::new(at, components);
             calls.counter[1] |= 1 << 8;
-            let calls: Vec<[u32; 4]> = calls.take(16).collect();
+            let calls: [[u32; 4]; 16] = std::array::from_fn(|_| calls.next().unwrap_or_default());
             let word = |w: usize, j: usize| u64::from(calls[2 * j][w]) | u64::from(calls[2 * j + 1][w]) << 32;
             let state = std::array::from_fn(|w| std::array::from_fn(|j| word(w, j)));
             Lanewise { state, words: [[0; 16]; 4], used: 16 }

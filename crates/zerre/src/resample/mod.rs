@@ -78,6 +78,10 @@ pub(crate) struct Context<'a> {
     pub(crate) step: u64,
 }
 
+/// Draws per weight would overflow below this sum of weights; a power of two, which costs no digits, brings it back.
+const TINY: f64 = 1e-290;
+const FROM_TINY: f64 = f64::from_bits((1023 + 600) << 52);
+
 impl Resampling {
     /// Ancestors (indices into `weights`, ascending) of `ancestors.len()` new particles.
     ///
@@ -89,9 +93,12 @@ impl Resampling {
         for &w in weights {
             Error::not_negative("weight", w)?;
         }
-        let pairs: Vec<_> = weights.chunks(BLOCK).map(|b| (1.0, b.iter().sum())).collect();
+        let mut pairs: Vec<_> = weights.chunks(BLOCK).map(|b| (1.0, b.iter().sum())).collect();
         let total: f64 = pairs.iter().map(|b| b.1).sum();
         Error::positive("sum of the weights", total)?;
+        if total < TINY {
+            pairs.iter_mut().for_each(|(factor, _)| *factor = FROM_TINY);
+        }
         let context = Context { level: Simd::best(), threads: &Threads::Serial, stream, step };
         self.draw(context, BlockWeights { weights, blocks: &pairs }, &mut Scratch::default(), ancestors);
         Ok(())
@@ -227,17 +234,20 @@ fn residual(
     // Rounding may make the whole copies one too many in all: the surplus is cut off where it appears.
     let (mut sum, mut sure) = (0.0, 0);
     for (b, weights) in from.weights.chunks(BLOCK).enumerate() {
-        let share = from.blocks[b].0 * per_weight;
+        let factor = from.blocks[b].0;
         for (i, &w) in weights.iter().enumerate() {
-            let expected = w * share;
-            let whole = (expected as usize).min(draws - sure);
+            let expected = w * factor * per_weight;
+            // What a sum of rounded weights leaves below a whole number counts as whole: equal weights are one copy each.
+            let whole = ((expected * (1.0 + 1e-12)) as usize).min(draws - sure);
             sure += whole;
-            sum += expected - whole as f64;
+            sum += (expected - whole as f64).max(0.0);
             scratch.counts[b * BLOCK + i] = whole as u32;
             scratch.cumulative[b * BLOCK + i] = sum;
         }
     }
     let rest = draws - sure;
+    // The rest varies: room for any, so that no later step allocates.
+    scratch.positions.reserve((draws + 1).saturating_sub(scratch.positions.len()));
     let scale = sum * sorted_uniforms(context, rest, &mut scratch.positions);
     let extra = &mut ancestors[..rest];
     merge_sorted(&scratch.cumulative, &scratch.positions[..rest], scale, extra);
