@@ -3,8 +3,8 @@
 //! Over independent runs, each with a target of its own, the normalised error squared of the last step (NEES) sums up
 //! to a chi-square number of 4 degrees of freedom per run, the normalised innovations squared (NIS) to one of 2 per
 //! measurement, and 95 % of the targets lie inside the 95 % ellipsoid. Bounds are two-sided quantiles that a right
-//! filter misses with probability `MISS` each: 39 filters of two worlds with three numbers make 240 comparisons, so
-//! all of them hold with probability 0.9998.
+//! filter misses with probability `MISS` each: some 39 filters on two worlds with three numbers make 231
+//! comparisons, so all of them hold with probability 0.9998.
 //!
 //! Filters that approximate state by how much: a finite number of particles adds the error of their mean,
 //! P / ESS with ESS of at least 100, and the curvature of the radar's bearing less than 0.01 standard deviations. Both
