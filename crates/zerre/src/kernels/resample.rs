@@ -308,9 +308,10 @@ pub(crate) fn split_copies(
         for ((w, whole), fraction) in weights.iter().zip(whole).zip(fraction) {
             let expected = w * share;
             // Below 2^31 by the limit on the number of particles; the signed conversion is one instruction.
-            let copies = expected as i32;
+            // What a sum of rounded weights leaves below a whole number counts as whole: equal weights are a copy each.
+            let copies = (expected * (1.0 + 1e-12)) as i32;
             *whole = copies as u32;
-            *fraction = expected - f64::from(copies);
+            *fraction = (expected - f64::from(copies)).max(0.0);
             sum += copies as u64;
         }
         sum
