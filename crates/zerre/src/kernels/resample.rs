@@ -294,19 +294,26 @@ fn splat_last<S: Token>(simd: S, x: Lanes<S>) -> Lanes<S> {
     Lanes::splat(simd, x.0[LANES - 1])
 }
 
-/// Splits `weights * share` into whole copies and fractions, and returns the number of copies.
+/// Splits `weights * factor * per_weight` into whole copies and fractions, and returns the number of copies. The two
+/// factors stay apart: their product may overflow for the smallest weights.
 pub(crate) fn split_copies(
     level: Simd,
     weights: &[f64],
-    share: f64,
+    (factor, per_weight): (f64, f64),
     whole: &mut [u32],
     fraction: &mut [f64],
 ) -> u64 {
     #[inline(always)]
-    fn run<T>(weights: &[f64], share: f64, whole: &mut [u32], fraction: &mut [f64], _: T) -> u64 {
+    fn run<T>(
+        weights: &[f64],
+        (factor, per_weight): (f64, f64),
+        whole: &mut [u32],
+        fraction: &mut [f64],
+        _: T,
+    ) -> u64 {
         let mut sum = 0;
         for ((w, whole), fraction) in weights.iter().zip(whole).zip(fraction) {
-            let expected = w * share;
+            let expected = w * factor * per_weight;
             // Below 2^31 by the limit on the number of particles; the signed conversion is one instruction.
             // What a sum of rounded weights leaves below a whole number counts as whole: equal weights are a copy each.
             let copies = (expected * (1.0 + 1e-12)) as i32;
@@ -318,8 +325,8 @@ pub(crate) fn split_copies(
     }
     dispatch!(
         level,
-        simd => run(weights, share, whole, fraction, simd),
-        naive => run(weights, share, whole, fraction, ())
+        simd => run(weights, (factor, per_weight), whole, fraction, simd),
+        naive => run(weights, (factor, per_weight), whole, fraction, ())
     )
 }
 

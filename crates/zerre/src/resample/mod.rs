@@ -286,11 +286,11 @@ fn residual(
     scratch.cumulative[n] = f64::INFINITY;
     let (mut sure, mut before) = (0, 0.0);
     for (b, weights) in from.weights.chunks(BLOCK).enumerate() {
-        let share = from.blocks[b].0 * (draws as f64 / total);
+        let factors = (from.blocks[b].0, draws as f64 / total);
         let range = b * BLOCK..b * BLOCK + weights.len();
         let mut fractions = [0.0; BLOCK];
         let fractions = &mut fractions[..weights.len()];
-        sure += split_copies(context.level, weights, share, &mut scratch.copies[range.clone()], fractions);
+        sure += split_copies(context.level, weights, factors, &mut scratch.copies[range.clone()], fractions);
         before = prefix_sums(context.level, fractions, 1.0, before, &mut scratch.cumulative[range]);
     }
     // Whole parts of expectations that sum to `draws` sum to at most that: each is lifted by less than 1e-11 of itself.
