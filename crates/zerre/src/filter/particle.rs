@@ -28,7 +28,7 @@ impl<const N: usize> Prior<N> for Gaussian<N> {
             let mut draws = stream.draws(Purpose::Prior, 0, particle as u32);
             let z: [f64; N] = std::array::from_fn(|_| draws.normal());
             for (i, column) in columns.iter_mut().enumerate() {
-                column.push((0..=i).fold(self.mean()[i], |x, k| l.0[i][k].mul_add(z[k], x)));
+                column.push((0..N).fold(self.mean()[i], |x, k| l.0[i][k].mul_add(z[k], x)));
             }
         }
         Ok(columns)
