@@ -3,6 +3,7 @@
 mod catalog;
 mod init;
 mod schema;
+mod track;
 
 use crate::Exit;
 use crate::args::{Args, Command};
@@ -22,7 +23,8 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Catalog { kind } => catalog::run(kind.as_deref(), console),
         Command::Schema { kind } => schema::run(kind, console),
         Command::Init { kind } => init::run(kind, &args.global, console),
-        Command::Track(_) | Command::Simulate(_) | Command::Compare(_) | Command::Bench => {
+        Command::Track(track) => track::run(track, &args.global, console),
+        Command::Simulate(_) | Command::Compare(_) | Command::Bench => {
             Err(Diagnostic::new("this build holds no engine to run the command"))
         }
     }

@@ -1,0 +1,247 @@
+//! Noises that nobody told, learnt from the recording itself: the most likely ones.
+
+use super::motion::{WithMotion, with_motion};
+use super::sensor::{Frame, Noise};
+use super::tracker::{Engine, Rules};
+use super::{Plot, TrackerSpec};
+use crate::belief::GaussianBelief;
+use crate::error::{Error, Result};
+use crate::filter::Outcome;
+use crate::math::{exp, ln};
+use crate::model::Motion;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A number to learn.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Unknown {
+    /// The standard deviation of this noise of this sensor.
+    Sensor(String, Noise),
+    /// How much the motion wanders: [`MotionSpec::wander`](super::MotionSpec::wander).
+    Motion,
+}
+
+/// What was learnt.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Learnt {
+    /// The specification with the numbers in it.
+    pub spec: TrackerSpec,
+    /// The numbers, in the order asked for; SI units and radians.
+    pub values: Vec<f64>,
+    /// How many plots were used.
+    pub plots: usize,
+    /// Of how many targets.
+    pub targets: usize,
+    /// Log-evidence of these plots at the numbers learnt.
+    pub log_evidence: f64,
+}
+
+/// So many plots tell two or three numbers to a few per cent, in well under a second.
+const MOST_PLOTS: usize = 1000;
+/// More targets would leave too few plots for each.
+const MOST_TARGETS: usize = 20;
+/// A measurement beyond this NIS is taken for an outlier: less than one in 10^5 of two components.
+const OUTLIER_NIS: f64 = 25.0;
+/// Share of outliers that is reckoned with, and how many times more they err.
+const OUTLIERS: (f64, f64) = (0.01, 100.0);
+
+/// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
+/// as `spec` says. Plots are in order of time; the first thousand of at most twenty targets count. Far outliers
+/// count as such and move nothing.
+///
+/// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
+/// Mead (Computer Journal 7, 1965) on the logarithms: deterministic.
+///
+/// # Errors
+/// Plots that tell nothing (no target is measured twice), and what the models refuse.
+pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<Learnt> {
+    let chosen = choose(plots);
+    let mut spec = spec.clone();
+    spec.filter.name = "ekf".to_owned();
+    let count = chosen.iter().map(Vec::len).sum::<usize>();
+    let evidence = |logs: &[f64]| -> Result<f64> {
+        let mut candidate = spec.clone();
+        set(&mut candidate, unknown, logs);
+        let work = Evidence { spec: &candidate, targets: &chosen };
+        with_motion(&candidate.motion, candidate.dimensions, work)
+    };
+    if count < 2 * unknown.len() {
+        let text = format!("{count} measurements are too few to learn {} noises from", unknown.len());
+        return Err(Error::Unsupported(text));
+    }
+    let start: Vec<f64> = unknown.iter().map(|u| ln(typical(u))).collect();
+    let mut best = (f64::NEG_INFINITY, start.clone());
+    for sensors in -6..=4 {
+        for motion in -5..=5 {
+            let moved = |u: &Unknown| f64::from(if *u == Unknown::Motion { motion } else { sensors });
+            // Steps of a factor of two; without one of the two kinds its axis is walked once.
+            let idle = |is_motion: bool| !unknown.iter().any(|u| (*u == Unknown::Motion) == is_motion);
+            if (idle(true) && motion != 0) || (idle(false) && sensors != 0) {
+                continue;
+            }
+            let logs: Vec<f64> =
+                start.iter().zip(unknown).map(|(s, u)| s + moved(u) * std::f64::consts::LN_2).collect();
+            let value = evidence(&logs)?;
+            if value > best.0 {
+                best = (value, logs);
+            }
+        }
+    }
+    let (log_evidence, logs) = climb(best.1, |logs| evidence(logs).unwrap_or(f64::NEG_INFINITY));
+    if !log_evidence.is_finite() {
+        let text = "the recording tells nothing of the noises: give them in the configuration";
+        return Err(Error::Unsupported(text.to_owned()));
+    }
+    set(&mut spec, unknown, &logs);
+    let values = logs.iter().map(|&log| rounded(exp(log))).collect();
+    Ok(Learnt { spec, values, plots: count, targets: chosen.len(), log_evidence })
+}
+
+/// Three digits: more are not known, and fewer are easier to read and to write down.
+fn rounded(value: f64) -> f64 {
+    let text = format!("{value:.2e}");
+    text.parse().unwrap_or(value)
+}
+
+fn set(spec: &mut TrackerSpec, unknown: &[Unknown], logs: &[f64]) {
+    for (unknown, &log) in unknown.iter().zip(logs) {
+        let value = rounded(exp(log));
+        match unknown {
+            Unknown::Motion => spec.motion.set_wander(value),
+            Unknown::Sensor(name, noise) => {
+                *spec.sensors.entry(name.clone()).or_default().sd_mut(*noise) = Some(value);
+            }
+        }
+    }
+}
+
+/// Where the search starts: the size of the thing, not its value.
+fn typical(unknown: &Unknown) -> f64 {
+    match unknown {
+        Unknown::Motion => 1.0,
+        Unknown::Sensor(_, Noise::Position) => 10.0,
+        Unknown::Sensor(_, Noise::Range) => 10.0,
+        Unknown::Sensor(_, Noise::Bearing | Noise::Elevation) => 0.01,
+        Unknown::Sensor(_, Noise::RangeRate) => 1.0,
+    }
+}
+
+/// The plots that count, by target: those that are measured most, each with as many of its first plots.
+fn choose(plots: &[Plot]) -> Vec<Vec<&Plot>> {
+    let mut by_target: BTreeMap<Option<&str>, Vec<&Plot>> = BTreeMap::new();
+    for plot in plots {
+        by_target.entry(plot.id.as_deref()).or_default().push(plot);
+    }
+    let mut targets: Vec<_> = by_target.into_values().filter(|plots| plots.len() > 1).collect();
+    // A stable sort: equals stay in the order of their names.
+    targets.sort_by_key(|plots| std::cmp::Reverse(plots.len()));
+    targets.truncate(MOST_TARGETS);
+    let each = MOST_PLOTS / targets.len().max(1);
+    targets.iter_mut().for_each(|plots| plots.truncate(each));
+    targets
+}
+
+/// Total log-evidence of the plots.
+struct Evidence<'a> {
+    spec: &'a TrackerSpec,
+    targets: &'a [Vec<&'a Plot>],
+}
+
+impl WithMotion for Evidence<'_> {
+    type Out = f64;
+    fn with<A, F, const N: usize, const W: usize, const D: usize>(self, motion: A) -> Result<f64>
+    where
+        A: Motion<N, W> + Clone + 'static,
+        F: Frame<N, D>,
+    {
+        let rules = Rules::<A, F, N, W, D>::new(self.spec, motion, Engine::default())?;
+        let mut total = 0.0;
+        for plots in self.targets {
+            let mut belief: Option<GaussianBelief<N>> = None;
+            for plot in plots {
+                let silent =
+                    |b: &GaussianBelief<N>| plot.time - b.time > self.spec.life.max_gap || plot.time < b.time;
+                let Some(current) = belief.as_mut().filter(|b| !silent(b)) else {
+                    let start = rules.begin(plot)?;
+                    belief = start.map(|(state, _)| GaussianBelief { time: plot.time, state });
+                    continue;
+                };
+                let Some((innovation, log_density)) =
+                    rules.innovation(&current.state, current.time, plot)?
+                else {
+                    continue;
+                };
+                let (share, scale) = OUTLIERS;
+                let broad = log_density
+                    + 0.5 * innovation.nis * (1.0 - 1.0 / (scale * scale))
+                    - innovation.whitened.len() as f64 * ln(scale);
+                let (usual, broad) = (log_density + ln(1.0 - share), broad + ln(share));
+                let larger = usual.max(broad);
+                total += larger + ln(exp(usual - larger) + exp(broad - larger));
+                let outlier = innovation.nis > OUTLIER_NIS;
+                if rules.update(current, plot, !outlier)?.outcome == Outcome::Degenerate {
+                    total += broad;
+                }
+            }
+        }
+        Ok(if total.is_finite() { total } else { f64::NEG_INFINITY })
+    }
+}
+
+/// Turns that the simplex takes at most.
+const MOST_TURNS: usize = 60;
+/// Logarithms closer than this differ by less than one per cent: nothing that can be known.
+const CLOSE: f64 = 0.01;
+
+/// The highest point of `height` near `start`, and its height.
+fn climb(start: Vec<f64>, height: impl Fn(&[f64]) -> f64) -> (f64, Vec<f64>) {
+    let n = start.len();
+    let mut corners: Vec<(f64, Vec<f64>)> = (0..=n)
+        .map(|i| {
+            let mut corner = start.clone();
+            if let Some(x) = i.checked_sub(1).and_then(|i| corner.get_mut(i)) {
+                *x += 0.5;
+            }
+            (height(&corner), corner)
+        })
+        .collect();
+    for _ in 0..MOST_TURNS {
+        corners.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let spread = (0..n)
+            .map(|k| corners.iter().map(|c| (c.1[k] - corners[0].1[k]).abs()).fold(0.0, f64::max))
+            .fold(0.0, f64::max);
+        if spread < CLOSE {
+            break;
+        }
+        let centre: Vec<f64> =
+            (0..n).map(|k| corners[..n].iter().map(|c| c.1[k]).sum::<f64>() / n as f64).collect();
+        let along = |t: f64| -> (f64, Vec<f64>) {
+            let point: Vec<f64> =
+                centre.iter().zip(&corners[n].1).map(|(c, worst)| c + t * (worst - c)).collect();
+            (height(&point), point)
+        };
+        let reflected = along(-1.0);
+        let better = if reflected.0 > corners[0].0 {
+            let expanded = along(-2.0);
+            if expanded.0 > reflected.0 { expanded } else { reflected }
+        } else if reflected.0 > corners[n - 1].0 {
+            reflected
+        } else {
+            let contracted = along(if reflected.0 > corners[n].0 { -0.5 } else { 0.5 });
+            if contracted.0 <= corners[n].0.max(reflected.0) {
+                let best = corners[0].1.clone();
+                for corner in &mut corners[1..] {
+                    for (x, b) in corner.1.iter_mut().zip(&best) {
+                        *x = 0.5 * (*x + b);
+                    }
+                    corner.0 = height(&corner.1);
+                }
+                continue;
+            }
+            contracted
+        };
+        corners[n] = better;
+    }
+    corners.sort_by(|a, b| b.0.total_cmp(&a.0));
+    corners.swap_remove(0)
+}
