@@ -2,7 +2,7 @@
 
 use super::motion::{WithMotion, with_motion};
 use super::sensor::{Frame, Noise};
-use super::tracker::{Engine, Rules};
+use super::tracker::{Engine, Foretold, Rules};
 use super::{Plot, TrackerSpec};
 use crate::belief::GaussianBelief;
 use crate::error::{Error, Result};
@@ -45,9 +45,15 @@ const OUTLIER_NIS: f64 = 25.0;
 /// Share of outliers that is reckoned with, and how many times more they err.
 const OUTLIERS: (f64, f64) = (0.01, 100.0);
 
+/// Least share of the measurement noise in the innovation's variance. Recordings that a receiver has smoothed are most
+/// likely under no noise at all; estimates then are the measurements, and stay so up to this share, while particles
+/// need a likelihood that is not much narrower than what was foretold.
+const LEAST_SHARE: f64 = 0.05;
+
 /// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
 /// as `spec` says. Plots are in order of time; the first thousand of at most twenty targets count. Far outliers
-/// count as such and move nothing.
+/// count as such and move nothing. A noise of which the recording tells no more than that it is small against the
+/// wandering of the motion is set to where it makes a twentieth of the innovation's variance.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
 /// Mead (Computer Journal 7, 1965) on the logarithms: deterministic.
@@ -155,7 +161,7 @@ impl WithMotion for Evidence<'_> {
         F: Frame<N, D>,
     {
         let rules = Rules::<A, F, N, W, D>::new(self.spec, motion, Engine::default())?;
-        let mut total = 0.0;
+        let (mut total, mut shares, mut count) = (0.0, 0.0, 0.0);
         for plots in self.targets {
             let mut belief: Option<GaussianBelief<N>> = None;
             for plot in plots {
@@ -166,11 +172,9 @@ impl WithMotion for Evidence<'_> {
                     belief = start.map(|(state, _)| GaussianBelief { time: plot.time, state });
                     continue;
                 };
-                let Some((innovation, log_density)) =
-                    rules.innovation(&current.state, current.time, plot)?
-                else {
-                    continue;
-                };
+                let Some(foretold) = rules.innovation(&current.state, current.time, plot)? else { continue };
+                let Foretold { innovation, log_density, least_share } = foretold;
+                (shares, count) = (shares + least_share, count + 1.0);
                 let (share, scale) = OUTLIERS;
                 let broad = log_density
                     + 0.5 * innovation.nis * (1.0 - 1.0 / (scale * scale))
@@ -184,6 +188,9 @@ impl WithMotion for Evidence<'_> {
                 }
             }
         }
+        // A wall that the simplex can climb along: it costs more than any evidence gains.
+        let lacking = (ln(LEAST_SHARE) - ln(shares / count)).max(0.0);
+        let total = total - 10.0 * count * lacking * lacking;
         Ok(if total.is_finite() { total } else { f64::NEG_INFINITY })
     }
 }

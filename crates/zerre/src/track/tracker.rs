@@ -12,6 +12,7 @@ use crate::filter::{
     predict_measurement,
 };
 use crate::kernels::{NoiseSource, Simd, Threads};
+use crate::math::gaussian::LN_2PI;
 use crate::math::{Cholesky, Matrix};
 use crate::model::{GaussianMeasurement, Measurement, Motion};
 use crate::resample::{Resampling, Trigger};
@@ -58,7 +59,8 @@ pub struct StartSpec {
 pub struct LifeSpec {
     /// A longer silence of an identity ends its track; the next plot starts another.
     pub max_gap: Span,
-    /// So many degenerate updates in a row start the belief anew from the plot.
+    /// So many updates in a row that are degenerate, or find the cloud where the target is not, start the belief
+    /// anew from the plot.
     pub restart_after: u32,
     /// The point that stands for the belief.
     pub estimate: Estimate,
@@ -456,7 +458,7 @@ where
         state: &Gaussian<N>,
         from: Time,
         plot: &Plot,
-    ) -> Result<Option<(Innovation, f64)>> {
+    ) -> Result<Option<Foretold>> {
         struct Foretell<'a, A, const N: usize, const W: usize> {
             motion: &'a A,
             state: &'a Gaussian<N>,
@@ -464,7 +466,7 @@ where
             at: Time,
         }
         impl<A: Motion<N, W>, const N: usize, const W: usize> Work<N> for Foretell<'_, A, N, W> {
-            type Out = Option<(Innovation, f64)>;
+            type Out = Option<Foretold>;
             fn with<H, const M: usize>(self, model: &H, z: &[f64; M]) -> Result<Self::Out>
             where
                 H: GaussianMeasurement<N, M> + Measurement<N, Value = [f64; M]> + Clone,
@@ -481,12 +483,13 @@ where
                 };
                 let whitened = factor.whiten(&foretold.innovation(z));
                 let nis: f64 = whitened.iter().map(|w| w * w).sum();
-                let share = factor.solve_matrix(&Matrix(model.covariance())).diagonal().iter().sum::<f64>();
-                let log_density =
-                    -0.5 * (nis + factor.log_det() + M as f64 * crate::math::gaussian::LN_2PI);
-                let (noise_share, whitened) = (share / M as f64, whitened.to_vec());
+                let shares = factor.solve_matrix(&Matrix(model.covariance())).diagonal();
+                let log_density = -0.5 * (nis + factor.log_det() + M as f64 * LN_2PI);
+                let noise_share = shares.iter().sum::<f64>() / M as f64;
+                let least_share = shares.into_iter().fold(f64::INFINITY, f64::min);
+                let innovation = Innovation { whitened: whitened.to_vec(), nis, noise_share };
                 let finite = nis.is_finite() && noise_share.is_finite();
-                Ok(finite.then_some((Innovation { whitened, nis, noise_share }, log_density)))
+                Ok(finite.then_some(Foretold { innovation, log_density, least_share }))
             }
         }
         let work = Foretell { motion: &self.motion, state, from, at: plot.time };
@@ -572,8 +575,8 @@ where
         if plot.time < target.belief.time() {
             return self.row(target, Event::OutOfOrder, None, None);
         }
-        let innovation =
-            self.innovation(&target.belief.law()?, target.belief.time(), plot)?.map(|(i, _)| i);
+        let foretold = self.innovation(&target.belief.law()?, target.belief.time(), plot)?;
+        let innovation = foretold.map(|foretold| foretold.innovation);
         let gated = self.gated(plot, innovation.as_ref());
         let update = self.advance(target, plot, !gated)?;
         let event = match update.outcome {
@@ -582,8 +585,9 @@ where
             _ => Event::Updated,
         };
         let update = Update { outcome: if gated { Outcome::Gated } else { update.outcome }, ..update };
-        target.degenerate = if event == Event::Degenerate { target.degenerate + 1 } else { 0 };
-        if event == Event::Degenerate && target.degenerate >= self.spec.life.restart_after.max(1) {
+        let lost = event == Event::Degenerate || !gated && is_starved(&update, innovation.as_ref());
+        target.degenerate = if lost { target.degenerate + 1 } else { 0 };
+        if lost && target.degenerate >= self.spec.life.restart_after.max(1) {
             let restarted = self.start(Arc::clone(&target.id), target.track, target.starts + 1, plot)?;
             if let Some((restarted, _)) = restarted {
                 *target = restarted;
@@ -616,6 +620,24 @@ where
             innovation,
         })
     }
+}
+
+/// Whether particles have lost their target: hardly more than one carries all the weight, and the measurement is
+/// where the cloud all but excluded it (one in 10^10 for two components). Log-weights do not underflow, so the filter
+/// itself goes on with the least bad particle.
+fn is_starved(update: &Update, innovation: Option<&Innovation>) -> bool {
+    const NIS: f64 = 46.0;
+    const ESS: f64 = 2.0;
+    update.particles.is_some_and(|p| p.ess < ESS) && innovation.is_some_and(|i| i.nis > NIS)
+}
+
+/// A measurement against its prediction, and what only learning asks.
+pub(super) struct Foretold {
+    pub(super) innovation: Innovation,
+    /// ln N(nu; 0, S).
+    pub(super) log_density: f64,
+    /// The least of the components' shares of noise, of which `noise_share` is the mean.
+    pub(super) least_share: f64,
 }
 
 /// A target, and the step of the filter that started it where there was one.

@@ -274,7 +274,7 @@ impl Outcome {
                 input.counts.rejected.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
             lines.push(("rows rejected", format!("{rejected} of {}: {}", input.counts.read, reasons.join(", "))));
         }
-        lines.push(("log-evidence", format!("{:.1}{}", self.log_evidence, against(run))));
+        lines.push(("log-evidence", format!("{}{}", evidence_text(self.log_evidence), against(run))));
         let lab = zerre_lab::consistency::ENOUGH;
         for sensor in &self.sensors {
             let verdict = match &sensor.assessment {
@@ -338,10 +338,13 @@ fn against(run: &Run) -> String {
         String::new()
     };
     let shared = counted(reference.plots, "measurement");
-    format!(
-        " (of the same {shared}: {:.1}, {} {:.1}{note})",
-        reference.own, reference.filter, reference.log_evidence
-    )
+    let (own, theirs) = (evidence_text(reference.own), evidence_text(reference.log_evidence));
+    format!(" (of the same {shared}: {own}, {} {theirs}{note})", reference.filter)
+}
+
+/// A log-evidence with a digit after the point, or as a power of ten where it means nothing but failure.
+pub(super) fn evidence_text(value: f64) -> String {
+    if value.abs() < 1e7 { format!("{value:.1}") } else { format!("{value:.1e}") }
 }
 
 /// Natural units of information per measurement, which a filter may lose against the reference before it is said: a

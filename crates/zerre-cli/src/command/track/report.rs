@@ -2,7 +2,7 @@
 
 use super::Call;
 use super::input::Input;
-use super::outcome::{Outcome, TOLERABLE_LOSS, component, evidence, sensor_name};
+use super::outcome::{Outcome, TOLERABLE_LOSS, component, evidence, evidence_text, sensor_name};
 use super::scores::Scores;
 use super::settings::Settings;
 use super::work::Run;
@@ -42,8 +42,10 @@ pub(super) fn page(
         Some(r) => {
             let verdict = if r.loss_per_plot() > TOLERABLE_LOSS { "more particles would help" } else { "as good" };
             format!(
-                "{filter}; log-evidence {:.1}, {} on the same measurements {:.1}: {verdict}",
-                r.own, r.filter, r.log_evidence
+                "{filter}; log-evidence {}, {} on the same measurements {}: {verdict}",
+                evidence_text(r.own),
+                r.filter,
+                evidence_text(r.log_evidence)
             )
         }
     };
