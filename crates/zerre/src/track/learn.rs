@@ -2,7 +2,8 @@
 
 use super::motion::{WithMotion, with_motion};
 use super::sensor::{Frame, Noise};
-use super::tracker::{Engine, Foretold, Rules};
+use super::tail::Robust;
+use super::tracker::{Engine, Rules};
 use super::{Plot, TrackerSpec};
 use crate::belief::GaussianBelief;
 use crate::error::{Error, Result};
@@ -34,16 +35,19 @@ pub struct Learnt {
     pub targets: usize,
     /// Log-evidence of these plots at the numbers learnt.
     pub log_evidence: f64,
+    /// Sensors that got [`HEAVY_TAILS`], and by how much that raised the log-evidence.
+    pub heavy_tails: Option<(Vec<String>, f64)>,
 }
+
+/// What learning tries beside the normal law: few outliers move nothing, and the bulk is nearly normal.
+pub const HEAVY_TAILS: Robust = Robust::StudentT { dof: 4.0 };
 
 /// So many plots tell two or three numbers to a few per cent, in well under a second.
 const MOST_PLOTS: usize = 1000;
 /// More targets would leave too few plots for each.
 const MOST_TARGETS: usize = 20;
-/// A measurement beyond this NIS is taken for an outlier: less than one in 10^5 of two components.
-const OUTLIER_NIS: f64 = 25.0;
-/// Share of outliers that is reckoned with, and how many times more they err.
-const OUTLIERS: (f64, f64) = (0.01, 100.0);
+/// Natural units of log-evidence by which heavier tails must win: a law with one more number has to earn it.
+const CLEARLY: f64 = 3.0;
 
 /// Least share of the measurement noise in the innovation's variance. Recordings that a receiver has smoothed are most
 /// likely under no noise at all; estimates then are the measurements, and stay so up to this share, while particles
@@ -51,8 +55,8 @@ const OUTLIERS: (f64, f64) = (0.01, 100.0);
 const LEAST_SHARE: f64 = 0.05;
 
 /// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
-/// as `spec` says. Plots are in order of time; the first thousand of at most twenty targets count. Far outliers
-/// count as such and move nothing. A noise of which the recording tells no more than that it is small against the
+/// as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
+/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of which the recording tells no more than that it is small against the
 /// wandering of the motion is set to where it makes a twentieth of the innovation's variance.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
@@ -62,45 +66,71 @@ const LEAST_SHARE: f64 = 0.05;
 /// Plots that tell nothing (no target is measured twice), and what the models refuse.
 pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<Learnt> {
     let chosen = choose(plots);
-    let mut spec = spec.clone();
-    spec.filter.name = "ekf".to_owned();
     let count = chosen.iter().map(Vec::len).sum::<usize>();
-    let evidence = |logs: &[f64]| -> Result<f64> {
-        let mut candidate = spec.clone();
-        set(&mut candidate, unknown, logs);
-        let work = Evidence { spec: &candidate, targets: &chosen };
-        with_motion(&candidate.motion, candidate.dimensions, work)
-    };
     if count < 2 * unknown.len() {
         let text = format!("{count} measurements are too few to learn {} noises from", unknown.len());
         return Err(Error::Unsupported(text));
     }
+    let mut spec = spec.clone();
+    let filter = std::mem::replace(&mut spec.filter.name, "ekf".to_owned());
+    let open: Vec<String> = spec
+        .sensors
+        .iter()
+        .filter(|(name, sensor)| {
+            let asked = |u: &Unknown| matches!(u, Unknown::Sensor(other, _) if other == *name);
+            sensor.robust.is_none() && unknown.iter().any(asked)
+        })
+        .map(|(name, _)| name.clone())
+        .collect();
+    let (mut log_evidence, mut logs) = search(&spec, unknown, &chosen)?;
+    let mut heavy_tails = None;
+    if !open.is_empty() {
+        let mut heavy = spec.clone();
+        for name in &open {
+            heavy.sensors.entry(name.clone()).or_default().robust = Some(HEAVY_TAILS);
+        }
+        let (other, other_logs) = search(&heavy, unknown, &chosen)?;
+        if other > log_evidence + CLEARLY {
+            heavy_tails = Some((open, other - log_evidence));
+            (spec, log_evidence, logs) = (heavy, other, other_logs);
+        }
+    }
+    if !log_evidence.is_finite() {
+        let text = "the recording tells nothing of the noises: give them in the configuration";
+        return Err(Error::Unsupported(text.to_owned()));
+    }
+    set(&mut spec, unknown, &logs);
+    spec.filter.name = filter;
+    let values = logs.iter().map(|&log| rounded(exp(log))).collect();
+    Ok(Learnt { spec, values, plots: count, targets: chosen.len(), log_evidence, heavy_tails })
+}
+
+/// The highest evidence and the logarithms of the unknown where it is.
+fn search(spec: &TrackerSpec, unknown: &[Unknown], targets: &[Vec<&Plot>]) -> Result<(f64, Vec<f64>)> {
+    let evidence = |logs: &[f64]| -> Result<f64> {
+        let mut candidate = spec.clone();
+        set(&mut candidate, unknown, logs);
+        let work = Evidence { spec: &candidate, targets };
+        with_motion(&candidate.motion, candidate.dimensions, work)
+    };
     let start: Vec<f64> = unknown.iter().map(|u| ln(typical(u))).collect();
     let mut best = (f64::NEG_INFINITY, start.clone());
-    for sensors in -6..=4 {
-        for motion in -5..=5 {
-            let moved = |u: &Unknown| f64::from(if *u == Unknown::Motion { motion } else { sensors });
-            // Steps of a factor of two; without one of the two kinds its axis is walked once.
-            let idle = |is_motion: bool| !unknown.iter().any(|u| (*u == Unknown::Motion) == is_motion);
+    // Steps of a factor of four; without one of the two kinds its axis is walked once.
+    let idle = |is_motion: bool| !unknown.iter().any(|u| (*u == Unknown::Motion) == is_motion);
+    for sensors in -3..=3 {
+        for motion in -3..=3 {
             if (idle(true) && motion != 0) || (idle(false) && sensors != 0) {
                 continue;
             }
-            let logs: Vec<f64> =
-                start.iter().zip(unknown).map(|(s, u)| s + moved(u) * std::f64::consts::LN_2).collect();
+            let moved = |u: &Unknown| f64::from(if *u == Unknown::Motion { motion } else { sensors });
+            let logs: Vec<f64> = start.iter().zip(unknown).map(|(s, u)| s + moved(u) * ln(4.0)).collect();
             let value = evidence(&logs)?;
             if value > best.0 {
                 best = (value, logs);
             }
         }
     }
-    let (log_evidence, logs) = climb(best.1, |logs| evidence(logs).unwrap_or(f64::NEG_INFINITY));
-    if !log_evidence.is_finite() {
-        let text = "the recording tells nothing of the noises: give them in the configuration";
-        return Err(Error::Unsupported(text.to_owned()));
-    }
-    set(&mut spec, unknown, &logs);
-    let values = logs.iter().map(|&log| rounded(exp(log))).collect();
-    Ok(Learnt { spec, values, plots: count, targets: chosen.len(), log_evidence })
+    Ok(climb(best.1, |logs| evidence(logs).unwrap_or(f64::NEG_INFINITY)))
 }
 
 /// Three digits: more are not known, and fewer are easier to read and to write down.
@@ -173,19 +203,13 @@ impl WithMotion for Evidence<'_> {
                     continue;
                 };
                 let Some(foretold) = rules.innovation(&current.state, current.time, plot)? else { continue };
-                let Foretold { innovation, log_density, least_share } = foretold;
-                (shares, count) = (shares + least_share, count + 1.0);
-                let (share, scale) = OUTLIERS;
-                let broad = log_density
-                    + 0.5 * innovation.nis * (1.0 - 1.0 / (scale * scale))
-                    - innovation.whitened.len() as f64 * ln(scale);
-                let (usual, broad) = (log_density + ln(1.0 - share), broad + ln(share));
-                let larger = usual.max(broad);
-                total += larger + ln(exp(usual - larger) + exp(broad - larger));
-                let outlier = innovation.nis > OUTLIER_NIS;
-                if rules.update(current, plot, !outlier)?.outcome == Outcome::Degenerate {
-                    total += broad;
-                }
+                (shares, count) = (shares + foretold.least_share, count + 1.0);
+                let update = rules.update(current, plot, true)?;
+                // What cannot be held in numbers counts as what it would be under the normal law.
+                total += match update.outcome {
+                    Outcome::Degenerate => foretold.log_density,
+                    _ => update.log_evidence,
+                };
             }
         }
         // A wall that the simplex can climb along: it costs more than any evidence gains.

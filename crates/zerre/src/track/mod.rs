@@ -33,7 +33,7 @@ mod sensor;
 mod tail;
 mod tracker;
 
-pub use learn::{Learnt, Unknown, learn};
+pub use learn::{HEAVY_TAILS, Learnt, Unknown, learn};
 pub use motion::MotionSpec;
 pub use plot::{Plot, Reading};
 pub use saved::{SavedTracker, VERSION};

@@ -56,13 +56,20 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     listen()?;
     let input = input::read(&call, &settings)?;
     settings.settle(&input.plots, input.has_height, console)?;
-    if global.explain {
-        console.info(&settings.effective);
-    }
     let mut run = work::follow(&settings.spec(global.seed), &input.plots, &workers, console)?;
     run.check_started(&input)?;
-    if !interrupted() {
-        run.compare_with_reference(&settings.spec(global.seed), &input.plots, &workers, console)?;
+    if !interrupted()
+        && let Some((reference, other)) =
+            run.against_kalman(&settings.spec(global.seed), &input.plots, &workers, console)
+    {
+        if settings.prefer(&reference) {
+            run = other;
+        } else {
+            run.reference = Some(reference);
+        }
+    }
+    if global.explain {
+        console.info(&settings.effective);
     }
     let scores = scores::score(&call, &settings, &input, &run)?;
     let outcome = outcome::Outcome::of(&run, &input)?;
@@ -85,7 +92,7 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     record.seconds = call.since.elapsed().as_secs_f64();
     let path = folder.finish(&record)?;
 
-    outcome.summarise(&call, &run, &input, &scores, &path.join("report.html"));
+    outcome.summarise(&call, &settings, &run, &input, &scores, &path.join("report.html"));
     if global.json {
         console.document(&outcome.document(&record, &scores))?;
     }

@@ -3,7 +3,7 @@
 use super::Call;
 use super::input::Input;
 use super::scores::Scores;
-use super::settings::counted;
+use super::settings::{Settings, counted};
 use super::work::Run;
 use crate::diagnostic::Diagnostic;
 use crate::run::{EstimatesDigest, Record};
@@ -262,7 +262,15 @@ impl Outcome {
     }
 
     /// The summary for people.
-    pub fn summarise(&self, call: &Call<'_>, run: &Run, input: &Input, scores: &Scores, page: &Path) {
+    pub fn summarise(
+        &self,
+        call: &Call<'_>,
+        settings: &Settings,
+        run: &Run,
+        input: &Input,
+        scores: &Scores,
+        page: &Path,
+    ) {
         let mut lines: Vec<(&str, String)> = Vec::new();
         let ids = self.tracks.len();
         lines.push(("tracks", format!("{ids}{}", span(&self.tracks))));
@@ -274,6 +282,7 @@ impl Outcome {
                 input.counts.rejected.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
             lines.push(("rows rejected", format!("{rejected} of {}: {}", input.counts.read, reasons.join(", "))));
         }
+        lines.push(("filter", settings.filter_text()));
         lines.push(("log-evidence", format!("{}{}", evidence_text(self.log_evidence), against(run))));
         let lab = zerre_lab::consistency::ENOUGH;
         for sensor in &self.sensors {
@@ -331,8 +340,8 @@ fn span(tracks: &[Track]) -> String {
 /// " (kalman 12.3: ...)" where a reference was run.
 fn against(run: &Run) -> String {
     let Some(reference) = &run.reference else { return String::new() };
-    let loss = reference.loss_per_plot();
-    let note = if loss > TOLERABLE_LOSS {
+    let note = if reference.is_better() {
+        let loss = reference.loss_per_plot();
         format!("; the particles lose {loss:.2} per measurement: take more of them, or this filter")
     } else {
         String::new()
@@ -346,10 +355,6 @@ fn against(run: &Run) -> String {
 pub(super) fn evidence_text(value: f64) -> String {
     if value.abs() < 1e7 { format!("{value:.1}") } else { format!("{value:.1e}") }
 }
-
-/// Natural units of information per measurement, which a filter may lose against the reference before it is said: a
-/// twentieth doubles the odds against it every fourteen measurements.
-pub(super) const TOLERABLE_LOSS: f64 = 0.05;
 
 /// So many measurements of a position fix a state: position, velocity, acceleration.
 fn orders(states: &[State]) -> u64 {

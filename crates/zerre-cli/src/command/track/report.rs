@@ -2,10 +2,10 @@
 
 use super::Call;
 use super::input::Input;
-use super::outcome::{Outcome, TOLERABLE_LOSS, component, evidence, evidence_text, sensor_name};
+use super::outcome::{Outcome, component, evidence, evidence_text, sensor_name};
 use super::scores::Scores;
 use super::settings::Settings;
-use super::work::Run;
+use super::work::{Run, has_particles};
 use crate::run::Record;
 use std::collections::BTreeMap;
 use zerre::Time;
@@ -31,16 +31,12 @@ pub(super) fn page(
         .iter()
         .map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned())
         .collect();
-    let particles = matches!(spec.filter.name.as_str(), "particle" | "sir" | "sis");
-    let filter = if particles {
-        format!("{} with {} particles", spec.filter.name, spec.filter.particles)
-    } else {
-        spec.filter.name.clone()
-    };
+    let particles = has_particles(&spec.filter.name);
+    let filter = settings.filter_text();
     let filter = match &run.reference {
         None => filter,
         Some(r) => {
-            let verdict = if r.loss_per_plot() > TOLERABLE_LOSS { "more particles would help" } else { "as good" };
+            let verdict = if r.is_better() { "more particles would help" } else { "as good or worse" };
             format!(
                 "{filter}; log-evidence {}, {} on the same measurements {}: {verdict}",
                 evidence_text(r.own),

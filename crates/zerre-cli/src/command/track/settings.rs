@@ -1,5 +1,6 @@
 //! From a configuration and a recording to a tracker, with the reason for every value.
 
+use super::work::{Reference, has_particles};
 use crate::args::Track;
 use crate::catalog::Entry;
 use crate::config::{
@@ -13,7 +14,7 @@ use zerre::catalog::{FILTERS, MOTIONS, RESAMPLERS};
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
-    DEFAULT_SENSOR, Estimate as Point, FilterSpec, LifeSpec, MotionSpec, Noise, Plot, Robust as Tails,
+    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, MotionSpec, Noise, Plot, Robust as Tails,
     SensorSpec, StartSpec, TrackerSpec, Unknown, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
@@ -25,6 +26,8 @@ pub(super) struct Settings {
     /// How to read.
     pub options: Options,
     spec: TrackerSpec,
+    /// Why a Kalman filter took the place of the particles.
+    preferred: Option<String>,
 }
 
 /// Failure of a model: a sentence of the library.
@@ -67,7 +70,7 @@ impl Settings {
         };
         let spec =
             TrackerSpec { dimensions: 2, filter, motion, sensors: BTreeMap::new(), start, life, seed: 0 };
-        Ok(Settings { config, effective, options, spec })
+        Ok(Settings { config, effective, options, spec, preferred: None })
     }
 
     /// The tracker's specification.
@@ -102,11 +105,42 @@ impl Settings {
                 }
             }
         }
-        let filter = std::mem::take(&mut self.spec.filter.name);
+        if let Some((sensors, gain)) = &learnt.heavy_tails {
+            for name in sensors {
+                let how = format!("heavier tails than the normal law raise the log-evidence by {gain:.0}");
+                self.effective.put(&["sensor", name, "robust"], heavy_tails(), Reason::Learnt(how));
+            }
+        }
         self.spec = learnt.spec;
-        self.spec.filter.name = filter;
         console.debug(format_args!("learnt {:?} of {unknown:?}", learnt.values));
         Ok(())
+    }
+
+    /// Takes a Kalman filter in place of the particles, if nobody asked for them; whether it did.
+    pub fn prefer(&mut self, reference: &Reference) -> bool {
+        let asked = self.config.filter.name.as_deref().is_some_and(|name| name != AUTO);
+        if asked || !reference.is_better() {
+            return false;
+        }
+        let why = format!(
+            "{} particles lose {:.2} of log-evidence per measurement against it",
+            self.spec.filter.particles,
+            reference.loss_per_plot()
+        );
+        self.spec.filter.name = reference.filter.to_owned();
+        self.effective.put(&["filter", "name"], reference.filter, Reason::Chosen(why.clone()));
+        self.preferred = Some(why);
+        true
+    }
+
+    /// The filter in a few words.
+    pub fn filter_text(&self) -> String {
+        let filter = &self.spec.filter;
+        match &self.preferred {
+            Some(why) => format!("{}: {why}", filter.name),
+            None if has_particles(&filter.name) => format!("{}, {} particles", filter.name, filter.particles),
+            None => filter.name.clone(),
+        }
     }
 
     /// The sensors of the file; positions on the earth become positions in the plane.
@@ -172,6 +206,14 @@ impl Settings {
     }
 }
 
+/// The law that learning tries, as the configuration writes it.
+fn heavy_tails() -> Option<Robust> {
+    match HEAVY_TAILS {
+        Tails::StudentT { dof } => Some(Robust::StudentT { dof }),
+        Tails::Outliers { share, scale } => Some(Robust::Outliers { share, scale }),
+    }
+}
+
 /// "1 target", "3 targets".
 pub(super) fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
@@ -209,7 +251,7 @@ fn name_of(
 }
 
 fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec, Diagnostic> {
-    let why = "it takes any model; the report compares its evidence with a Kalman filter's";
+    let why = "it takes any model; a Kalman filter takes its place where that has clearly more evidence";
     let name = name_of(
         effective,
         &["filter", "name"],
@@ -219,7 +261,7 @@ fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec,
         ("particle", why),
     )?;
     let mut spec = TrackerSpec::new(&name, "").filter;
-    if !matches!(name.as_str(), "particle" | "sir" | "sis") {
+    if !has_particles(&name) {
         return Ok(spec);
     }
     let settings = config.filter.settle_particles(effective);
