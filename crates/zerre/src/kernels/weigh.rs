@@ -49,6 +49,11 @@ impl<const N: usize> Total<N> {
         total
     }
 
+    /// 1 / sum w^2 of normalised weights; 0 if there is no weight at all.
+    pub(crate) fn ess(&self) -> f64 {
+        if self.sum > 0.0 { self.sum * self.sum / self.sum_squares } else { 0.0 }
+    }
+
     /// ln of the sum of all weights.
     pub(crate) fn log_sum(&self) -> f64 {
         self.max + Real::ln(self.sum)
@@ -87,9 +92,13 @@ fn naive<const N: usize>(
         scores.iter_mut().zip(old).for_each(|(score, old)| *score += old);
     }
     let max = scores.iter().copied().fold(f64::NEG_INFINITY, |max, s| if max < s { s } else { max });
+    if max == f64::NEG_INFINITY {
+        weights.fill(0.0);
+        return worthless(scores, states);
+    }
     let mut lanes = [(0.0, 0.0, [0.0; N]); LANES];
     for i in 0..scores.len() {
-        let w = if max == f64::NEG_INFINITY { 0.0 } else { Real::exp(scores[i] - max) };
+        let w = Real::exp(scores[i] - max);
         weights[i] = w;
         let (sum, sum_squares, sum_states) = &mut lanes[i % LANES];
         *sum += w;
@@ -105,6 +114,15 @@ fn naive<const N: usize>(
         sum_squares: fold(lanes.map(|l| l.1)),
         sum_states: std::array::from_fn(|k| fold(lanes.map(|l| l.2[k]))),
     }
+}
+
+/// Sums of a block without any weight. A NaN among its scores or a lost state has left no trace in the maximum; the
+/// sum shows it, as it does in other blocks.
+#[cold]
+fn worthless<const N: usize>(scores: &[f64], states: &[&[f64]; N]) -> BlockSums<N> {
+    let lost = states.iter().any(|column| column.iter().any(|x| !x.is_finite()));
+    let sum = if lost || scores.iter().any(|s| s.is_nan()) { f64::NAN } else { 0.0 };
+    BlockSums { sum, ..BlockSums::default() }
 }
 
 #[inline(always)]
@@ -149,7 +167,7 @@ fn run<const N: usize, S: Token>(
     let max = fold(max.max(tail), f64::max);
     if max == f64::NEG_INFINITY {
         weights.fill(0.0);
-        return BlockSums { max, ..BlockSums::default() };
+        return worthless(scores, &states);
     }
 
     let zero = Lanes::splat(simd, 0.0);
