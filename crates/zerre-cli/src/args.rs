@@ -225,7 +225,7 @@ pub struct Compare {
     #[arg(long, value_name = "METRES", default_value = "100")]
     pub cutoff_m: f64,
     /// Longest gap between two points of a trajectory that is bridged by a straight line, s
-    #[arg(long, value_name = "SECONDS", default_value = "60")]
+    #[arg(long, value_name = "SECONDS", default_value = "10")]
     pub max_gap_s: f64,
 }
 

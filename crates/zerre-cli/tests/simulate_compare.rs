@@ -140,13 +140,13 @@ fn scores_by_id_are_those_worked_out_by_hand() {
     // 2 exceeds the median of chi-square with two degrees of freedom, 2 ln 2 = 1.39, and not the 90 % point 4.61.
     close(&scores["coverage50"], 0.5);
     close(&scores["coverage90"], 1.0);
-    // At 1 s: a at distance 5 and b false, so sqrt(25 + 100^2 / 2); at 2 s: a is interpolated to 11.5, 2 against 10, 0;
-    // at 3 s: no error; at 4 s the track has ended: one missed, sqrt(100^2 / 2).
+    // At 1 s: a at distance 5 and b false, so sqrt(25 + 100^2 / 2); at 3 s: no error. Nothing is missed.
     let half = 100.0_f64.powi(2) / 2.0;
-    close(&scores["gospa"], ((25.0 + half).sqrt() + 2.5 + half.sqrt()) / 4.0);
-    close(&scores["gospa_localisation"], (5.0 + 2.5) / 4.0);
-    close(&scores["gospa_missed"], half.sqrt() / 4.0);
-    close(&scores["gospa_false"], half.sqrt() / 4.0);
+    close(&scores["gospa"], (25.0 + half).sqrt() / 2.0);
+    close(&scores["gospa_localisation"], 5.0 / 2.0);
+    close(&scores["gospa_missed"], 0.0);
+    close(&scores["gospa_false"], half.sqrt() / 2.0);
+    assert_eq!((&said["instants"]["sets"], &said["instants"]["missed"]), (&2.into(), &0.into()));
     let record: Value =
         serde_json::from_str(&fs::read_to_string(here.join("out/compare-e/run.json")).unwrap()).unwrap();
     assert_eq!((&record["input"][1]["path"], &record["counts"]["used"]), (&"t.csv".into(), &6.into()));
@@ -170,6 +170,29 @@ fn without_common_ids_the_nearest_belong_together() {
     let output = zerre(&here, "compare e.csv t.csv --metric nees");
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("var_x_m2"));
+}
+
+#[test]
+fn later_tracks_of_a_target_belong_to_it_and_gaps_are_missed() {
+    let here = folder("again");
+    let row = |t: u32, id: &str, x: u32, var: u32| format!("{t},{id},{x},0,{var},0,1\n");
+    let header = "time_s,id,x_m,y_m,var_x_m2,cov_xy_m2,var_y_m2\n";
+    let rows = row(1, "a", 3, 1) + &row(30, "a#2", 3, 1) + &row(15, "b", 100, 1);
+    fs::write(here.join("e.csv"), format!("{header}{rows}")).unwrap();
+    let truth = |id: &str, x: u32| (1..=30).map(|t| format!("{t},{id},{x},0\n")).collect::<String>();
+    fs::write(here.join("t.csv"), format!("time_s,id,x_m,y_m\n{}{}", truth("a", 0), truth("b", 100)))
+        .unwrap();
+    let said = json(&here, "compare e.csv t.csv");
+    assert_eq!((&said["association"], &said["instants"]["compared"]), (&"id".into(), &3.into()));
+    close(&said["scores"]["rmse_m"], 6.0_f64.sqrt());
+    // At 1 s and 30 s b has no estimate, at 15 s a has none: a#2 is another trajectory than a.
+    assert_eq!(said["instants"]["missed"], 3);
+    // A covariance without volume: everything else is said, and the metric asked for by name is an error.
+    fs::write(here.join("flat.csv"), format!("{header}{}", row(1, "a", 3, 0))).unwrap();
+    let output = zerre(&here, "compare flat.csv t.csv");
+    assert!(output.status.success() && text(&output.stderr).contains("not positive definite"));
+    assert!(text(&output.stdout).contains("crps_m") && !text(&output.stdout).contains("nees"));
+    assert_eq!(zerre(&here, "compare flat.csv t.csv --metric nees").status.code(), Some(1));
 }
 
 #[test]

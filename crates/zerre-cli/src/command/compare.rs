@@ -50,6 +50,8 @@ pub(super) fn run(args: &Compare, options: &Global, console: &Console) -> Result
     let scores = matched.scores(&args.metric)?;
     if args.metric.is_empty() && !matched.has_covariance() {
         console.info(no_covariance(&args.estimates));
+    } else if args.metric.is_empty() && !scores.iter().any(|score| score.key == "nees") {
+        console.warn("an estimate has a covariance that is not positive definite: no nees, no coverage");
     } else if let Some(name) = args.metric.iter().find(|name| NEED_COVARIANCE.contains(&name.as_str()))
         && !matched.has_covariance()
     {
@@ -122,8 +124,10 @@ struct Instants {
     compared: usize,
     /// Estimates without one: of no true target, or at a time without truth.
     unmatched: usize,
-    /// Instants at which sets were compared.
+    /// Instants of estimates, at which sets were compared.
     sets: usize,
+    /// True positions at these instants without an estimate near enough.
+    missed: usize,
 }
 
 /// Estimates beside the truth they belong to.
@@ -157,6 +161,11 @@ struct Score {
     note: String,
 }
 
+/// The identity in the truth: `zerre track` calls the second track of a target `id#2`.
+fn target_of<'a>(id: &'a str, truth: &Trajectories) -> &'a str {
+    if truth.by_id.contains_key(id) { id } else { id.split_once('#').map_or(id, |(target, _)| target) }
+}
+
 fn plane(position: [f64; 3]) -> [f64; 2] {
     [position[0], position[1]]
 }
@@ -164,7 +173,7 @@ fn plane(position: [f64; 3]) -> [f64; 2] {
 impl Matched {
     fn new(estimates: &Trajectories, truth: &Trajectories, args: &Compare) -> Matched {
         let max_gap = Span::from_secs(args.max_gap_s);
-        let common = estimates.by_id.keys().any(|id| truth.by_id.contains_key(id));
+        let common = estimates.by_id.keys().any(|id| truth.by_id.contains_key(target_of(id, truth)));
         let association = if common {
             Association::Id
         } else if estimates.by_id.len() == 1 && truth.by_id.len() == 1 {
@@ -184,8 +193,8 @@ impl Matched {
         if association != Association::Gospa {
             for (id, trajectory) in &estimates.by_id {
                 let own = match association {
-                    Association::Id => truth.by_id.get(id),
-                    _ => truth.by_id.values().next(),
+                    Association::Only => truth.by_id.values().next(),
+                    _ => truth.by_id.get(target_of(id, truth)),
                 };
                 for point in trajectory.points() {
                     matched.compare(point, own.and_then(|own| own.at(point.time, max_gap)));
@@ -210,11 +219,11 @@ impl Matched {
         self.covariance.extend(point.covariance.map(|[xx, xy, yy]| [xx, xy, xy, yy]));
     }
 
-    /// Sets at every time of either table, each target on the line between its points.
+    /// Sets at every time of an estimate, each target on the line between its points: a truth that lasts longer than
+    /// the recording is not missed.
     fn compare_sets(&mut self, estimates: &Trajectories, truth: &Trajectories, max_gap: Span) {
-        let times = |table: &Trajectories| {
-            table.by_id.values().flat_map(|t| t.points().iter().map(|p| p.time)).collect::<BTreeSet<Time>>()
-        };
+        let points = estimates.by_id.values().flat_map(Trajectory::points);
+        let times: BTreeSet<Time> = points.map(|point| point.time).collect();
         let present = |table: &Trajectories, time| -> Vec<([f64; 2], usize)> {
             let at = |(i, t): (usize, &Trajectory)| Some((plane(t.at(time, max_gap)?), i));
             table.by_id.values().enumerate().filter_map(at).collect()
@@ -222,7 +231,7 @@ impl Matched {
         let positions = |set: &[([f64; 2], usize)]| set.iter().map(|(p, _)| *p).collect::<Vec<_>>();
         let trajectories: Vec<&Trajectory> = estimates.by_id.values().collect();
         let (mut sum, mut count) = (Sets::default(), 0);
-        for time in &times(estimates) | &times(truth) {
+        for time in times {
             let (of_estimates, of_truth) = (present(estimates, time), present(truth, time));
             let (e, t) = (positions(&of_estimates), positions(&of_truth));
             // Positions come from a reader that refuses what is not finite, the options are checked: no refusal.
@@ -234,6 +243,7 @@ impl Matched {
             sum.missed += set.missed;
             sum.false_tracks += set.false_tracks;
             sum.ospa += distance;
+            self.instants.missed += set.missed_count;
             if self.association == Association::Gospa {
                 for (place, (_, index)) in of_estimates.iter().enumerate() {
                     let points = trajectories[*index].points();
@@ -267,8 +277,11 @@ impl Matched {
             Association::Only => "the only target with the only truth",
             Association::Gospa => "by place, for no id agrees",
         };
-        let Instants { compared, unmatched, sets } = self.instants;
-        format!("compared {how}: {compared} estimates, {unmatched} without truth; sets at {sets} instants")
+        let Instants { compared, unmatched, sets, missed } = self.instants;
+        format!(
+            "compared {how}: {compared} estimates, {unmatched} more without truth; sets at {sets} instants, \
+             {missed} true positions without an estimate"
+        )
     }
 
     /// The metrics of these names, all that are possible if there are none.
@@ -317,7 +330,12 @@ impl Matched {
             add("crps_m", sum / (2 * self.estimate.len()) as f64, "m", "mean of x and y".to_owned());
         }
         if pairs && (wanted("nees") || wanted("coverage")) {
-            let values = nees(&self.estimate, &self.truth, &self.covariance).map_err(refused)?;
+            let values = match nees(&self.estimate, &self.truth, &self.covariance) {
+                Ok(values) => values,
+                // A cloud that has collapsed has no ellipse. Who asked for it by name is told so by the error.
+                Err(zerre_lab::Error::NotPositiveDefinite { .. }) if names.is_empty() => return Ok(scores),
+                Err(error) => return Err(refused(error)),
+            };
             if wanted("nees") {
                 let mean = anees(&values, 2, 0.95).map_err(refused)?;
                 let note =

@@ -144,8 +144,11 @@ fn track_config(scenario: &Scenario) -> String {
             }
             Measures::Growth { .. } => continue,
         };
-        // A string of JSON is one of TOML. Writing to a string cannot fail.
-        let _ = write!(text, "\n[sensor.{}]\n{lines}", json!(name));
+        let bare = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+        // A string of JSON is one of TOML.
+        let key = if bare { name.to_owned() } else { json!(name).to_string() };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\n[sensor.{key}]\n{lines}");
     }
     text
 }
