@@ -4,10 +4,12 @@
 //! program, are scored, judged and drawn in the same way.
 
 pub mod assignment;
+pub mod bench;
 pub mod consistency;
 mod distribution;
 pub mod error;
 pub mod metric;
 pub mod report;
+pub mod scenario;
 
 pub use error::{Error, Result};

@@ -115,10 +115,10 @@ impl<const N: usize> Cloud<N> {
         })
     }
 
-    /// Effective sample size 1 / sum w^2.
+    /// Effective sample size 1 / sum w^2; 0 once every particle is lost (see
+    /// [`Outcome::Degenerate`](crate::filter::Outcome::Degenerate)).
     pub fn ess(&self) -> f64 {
-        let total = Total::of(&self.blocks);
-        total.sum * total.sum / total.sum_squares
+        Total::of(&self.blocks).ess()
     }
 
     /// Weighted mean.
@@ -198,7 +198,8 @@ impl<const N: usize> Cloud<N> {
                 });
             }
         }
-        let mut sorted: Vec<(f64, f64)> = self.states[k].iter().copied().zip(self.weights()).collect();
+        let weighted = self.states[k].iter().copied().zip(self.weights());
+        let mut sorted: Vec<(f64, f64)> = weighted.filter(|&(_, w)| w > 0.0).collect();
         sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let mut cumulative = 0.0;
         for (_, w) in &mut sorted {
@@ -236,18 +237,30 @@ fn uniform_blocks<const N: usize>(states: &[Vec<f64>; N]) -> Vec<BlockSums<N>> {
         .collect()
 }
 
-/// What of a cloud is saved; the rest follows from it.
+/// What of a cloud is saved; the rest follows from it. The logarithm of a weight of zero is saved as absent, because
+/// text formats have no infinities.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SavedCloud {
     time: Time,
     stream: Stream,
     step: u64,
     states: Vec<Vec<f64>>,
-    log_weights: Option<Vec<f64>>,
+    /// Absent while all weights are equal.
+    log_weights: Option<Vec<Option<f64>>>,
     log_sum: f64,
     weights: Vec<f64>,
-    blocks: Vec<(f64, f64, f64, Vec<f64>)>,
+    /// Largest log-weight, sums of w, w^2 and w x.
+    blocks: Vec<(Option<f64>, f64, f64, Vec<f64>)>,
     survivors: Option<Vec<u32>>,
+}
+
+/// A log-weight as it is saved.
+fn save_log(weight: f64) -> Option<f64> {
+    (weight != f64::NEG_INFINITY).then_some(weight)
+}
+
+fn load_log(saved: Option<f64>) -> Result<f64> {
+    saved.map_or(Ok(f64::NEG_INFINITY), |weight| Error::finite("saved log-weight", weight))
 }
 
 impl<const N: usize> Serialize for Cloud<N> {
@@ -271,13 +284,13 @@ impl<const N: usize> Cloud<N> {
             stream: self.stream,
             step: self.step,
             states: self.states.to_vec(),
-            log_weights: (!self.equal).then(|| self.log_weights.clone()),
+            log_weights: (!self.equal).then(|| self.log_weights.iter().map(|&l| save_log(l)).collect()),
             log_sum: self.log_sum,
             weights: self.weights.clone(),
             blocks: self
                 .blocks
                 .iter()
-                .map(|b| (b.max, b.sum, b.sum_squares, b.sum_states.to_vec()))
+                .map(|b| (save_log(b.max), b.sum, b.sum_squares, b.sum_states.to_vec()))
                 .collect(),
             survivors: self.pending.then(|| self.ancestors.clone()),
         }
@@ -297,13 +310,22 @@ impl<const N: usize> Cloud<N> {
         shape("blocks of a saved cloud", saved.blocks.len(), n.div_ceil(BLOCK))?;
         for (block, (max, sum, sum_squares, sums)) in cloud.blocks.iter_mut().zip(saved.blocks) {
             shape("sums of a saved block", sums.len(), N)?;
+            for &s in sums.iter().chain([&sum, &sum_squares]) {
+                Error::finite("sum of a saved block", s)?;
+            }
             let mut sums = sums.into_iter();
             let sum_states = std::array::from_fn(|_| sums.next().unwrap_or_default());
-            *block = BlockSums { max, sum, sum_squares, sum_states };
+            *block = BlockSums { max: load_log(max)?, sum, sum_squares, sum_states };
         }
+        for &w in &saved.weights {
+            Error::not_negative("saved weight", w)?;
+        }
+        Error::positive("sum of the saved weights", cloud.total().sum)?;
+        Error::finite("logarithm of the sum of the saved weights", saved.log_sum)?;
         if let Some(log_weights) = saved.log_weights {
             shape("log-weights of a saved cloud", log_weights.len(), n)?;
-            (cloud.log_weights, cloud.equal) = (log_weights, false);
+            cloud.log_weights = log_weights.into_iter().map(load_log).collect::<Result<_>>()?;
+            cloud.equal = false;
         }
         if let Some(survivors) = saved.survivors {
             shape("survivors of a saved cloud", survivors.len(), n)?;

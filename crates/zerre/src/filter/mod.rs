@@ -60,7 +60,7 @@ pub struct ParticleUpdate {
     pub resampled: bool,
     /// How many particles of the step before have descendants in this one.
     pub distinct_ancestors: usize,
-    /// Particles whose likelihood was NaN or +inf: they got weight zero.
+    /// Particles whose likelihood was NaN or +inf, or whose state ceased to be finite: they got weight zero.
     pub not_finite: usize,
 }
 
@@ -76,6 +76,7 @@ pub enum Outcome {
     /// It lay outside the gate and was not used; the belief was predicted.
     Gated,
     /// No particle (or no Gaussian) gives it any likelihood that the arithmetic can hold: it was not used, the
-    /// belief was predicted, and the caller's policy decides what follows.
+    /// belief was predicted, and the caller's policy decides what follows. With an effective sample size of 0 no
+    /// particle has a finite state any more: that belief cannot go on, and its estimates are NaN.
     Degenerate,
 }

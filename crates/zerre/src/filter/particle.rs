@@ -4,7 +4,9 @@
 use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
-use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, SharedColumns, Simd, Threads, Total};
+use crate::kernels::{
+    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, SharedColumns, Simd, Survivors, Threads, Total,
+};
 use crate::math::{Cholesky, Real};
 use crate::model::{Likelihood, Motion};
 use crate::resample::{BlockWeights, Context, Resampling, Trigger};
@@ -22,13 +24,14 @@ pub trait Prior<const N: usize>: Send + Sync {
 
 impl<const N: usize> Prior<N> for Gaussian<N> {
     fn columns(&self, stream: Stream, n: usize) -> Result<[Vec<f64>; N]> {
-        let l = Cholesky::semidefinite("covariance of the prior", self.covariance())?;
+        // Not triangular: a semidefinite factor takes its pivots in the order of their size.
+        let factor = Cholesky::semidefinite("covariance of the prior", self.covariance())?;
         let mut columns = std::array::from_fn(|_| Vec::with_capacity(n));
         for particle in 0..n {
             let mut draws = stream.draws(Purpose::Prior, 0, particle as u32);
             let z: [f64; N] = std::array::from_fn(|_| draws.normal());
             for (i, column) in columns.iter_mut().enumerate() {
-                column.push((0..N).fold(self.mean()[i], |x, k| l.0[i][k].mul_add(z[k], x)));
+                column.push((0..N).fold(self.mean()[i], |x, k| factor.0[i][k].mul_add(z[k], x)));
             }
         }
         Ok(columns)
@@ -121,8 +124,7 @@ where
         if !in_place {
             std::mem::swap(&mut cloud.states, &mut cloud.spare);
         }
-        let from = cloud.spare.each_ref().map(Vec::as_slice);
-        let ancestors = &cloud.ancestors;
+        let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
         let states = SharedColumns::new(cloud.states.each_mut().map(Vec::as_mut_slice));
         let scores = SharedColumns::new([&mut cloud.scores, &mut cloud.weights]);
         let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
@@ -130,14 +132,15 @@ where
             let (first, last) = (b * BLOCK, ((b + 1) * BLOCK).min(n));
             // SAFETY: every block is visited once, and blocks do not overlap.
             let mut states = unsafe { states.range(first, last) };
-            if !in_place {
-                kernels::gather(&from, &ancestors[first..last], &mut states);
-            }
+            // SAFETY: resampling writes indices of particles, and loading checks them.
+            let survivors = (!in_place).then(|| unsafe { survivors.block(first, last) });
             if let Some(step) = step {
                 let mut noise = NoiseBlock::<W>::new();
                 let key = NoiseKey { stream, step: number, block: b };
                 kernels::fill_noise(simd, source, law, key, last - first, &mut noise);
-                kernels::propagate::<N, W, M>(simd, step, &noise, &mut states);
+                kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
+            } else if let Some(survivors) = survivors {
+                kernels::gather(survivors, &mut states);
             }
             let states = states.each_ref().map(|c| &**c);
             // SAFETY: as above.
@@ -157,11 +160,10 @@ where
         let n = cloud.len();
         let scale = self.settings.roughening * Real::exp(-Real::ln(n as f64) / N as f64);
         std::mem::swap(&mut cloud.states, &mut cloud.spare);
-        kernels::gather(
-            &cloud.spare.each_ref().map(Vec::as_slice),
-            &cloud.ancestors,
-            &mut cloud.states.each_mut().map(Vec::as_mut_slice),
-        );
+        let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
+        // SAFETY: resampling writes indices of particles, and loading checks them.
+        let survivors = unsafe { survivors.block(0, n) };
+        kernels::gather(survivors, &mut cloud.states.each_mut().map(Vec::as_mut_slice));
         cloud.pending = false;
         let sd: [f64; N] = std::array::from_fn(|k| {
             let column = &cloud.states[k];
@@ -177,20 +179,25 @@ where
         }
     }
 
-    /// Makes particles of NaN or infinite likelihood worthless; returns how many there were.
+    /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there
+    /// were. A state that is no number would spoil the sums even at weight zero: it becomes zero, and the particle
+    /// stays worthless even if the measurement is taken back.
     fn mend(&self, cloud: &mut Cloud<N>) -> usize {
         let mut count = 0;
-        for score in &mut cloud.scores {
-            if score.is_nan() || *score == f64::INFINITY {
-                *score = f64::NEG_INFINITY;
-                count += 1;
-            }
-        }
-        // A state that is no number would spoil the sums even at weight zero.
         for i in 0..cloud.len() {
-            if cloud.states.iter().any(|c| !c[i].is_finite()) {
-                count += usize::from(cloud.scores[i] != f64::NEG_INFINITY);
+            let score = cloud.scores[i];
+            let lost = cloud.states.iter().any(|c| !c[i].is_finite());
+            let had_weight = cloud.equal || cloud.log_weights[i] != f64::NEG_INFINITY;
+            if lost || score.is_nan() || score == f64::INFINITY {
+                count += usize::from(had_weight);
                 cloud.scores[i] = f64::NEG_INFINITY;
+            }
+            if lost {
+                if cloud.equal {
+                    cloud.log_weights.fill(0.0);
+                    cloud.equal = false;
+                }
+                cloud.log_weights[i] = f64::NEG_INFINITY;
                 cloud.states.iter_mut().for_each(|c| c[i] = 0.0);
             }
         }
@@ -257,17 +264,13 @@ where
             not_finite = self.mend(cloud);
             total = cloud.total();
         }
-        let mut particles = ParticleUpdate {
-            ess: total.sum * total.sum / total.sum_squares,
-            resampled: false,
-            distinct_ancestors: n,
-            not_finite,
-        };
+        let mut particles =
+            ParticleUpdate { ess: total.ess(), resampled: false, distinct_ancestors: n, not_finite };
         if total.max == f64::NEG_INFINITY {
             // The measurement has no likelihood anywhere: take it back. The scores were not yet the log-weights.
             self.restore_weights(cloud);
             let total = cloud.total();
-            particles.ess = total.sum * total.sum / total.sum_squares;
+            (particles.ess, cloud.log_sum) = (total.ess(), total.log_sum());
             return Ok(Update {
                 outcome: Outcome::Degenerate,
                 log_evidence: f64::NEG_INFINITY,

@@ -49,6 +49,11 @@ impl<const N: usize> Total<N> {
         total
     }
 
+    /// 1 / sum w^2 of normalised weights; 0 if there is no weight at all.
+    pub(crate) fn ess(&self) -> f64 {
+        if self.sum > 0.0 { self.sum * self.sum / self.sum_squares } else { 0.0 }
+    }
+
     /// ln of the sum of all weights.
     pub(crate) fn log_sum(&self) -> f64 {
         self.max + Real::ln(self.sum)
@@ -87,9 +92,13 @@ fn naive<const N: usize>(
         scores.iter_mut().zip(old).for_each(|(score, old)| *score += old);
     }
     let max = scores.iter().copied().fold(f64::NEG_INFINITY, |max, s| if max < s { s } else { max });
+    if max == f64::NEG_INFINITY {
+        weights.fill(0.0);
+        return worthless(scores, states);
+    }
     let mut lanes = [(0.0, 0.0, [0.0; N]); LANES];
     for i in 0..scores.len() {
-        let w = if max == f64::NEG_INFINITY { 0.0 } else { Real::exp(scores[i] - max) };
+        let w = Real::exp(scores[i] - max);
         weights[i] = w;
         let (sum, sum_squares, sum_states) = &mut lanes[i % LANES];
         *sum += w;
@@ -98,15 +107,22 @@ fn naive<const N: usize>(
             sum_states[k] = w.mul_add(states[k][i], sum_states[k]);
         }
     }
-    let fold = |part: &dyn Fn(&(f64, f64, [f64; N])) -> f64| {
-        fold_array(std::array::from_fn(|j| part(&lanes[j])), |a, b| a + b)
-    };
+    let fold = |numbers: [f64; LANES]| fold_array(numbers, |a, b| a + b);
     BlockSums {
         max,
-        sum: fold(&|l| l.0),
-        sum_squares: fold(&|l| l.1),
-        sum_states: std::array::from_fn(|k| fold(&|l| l.2[k])),
+        sum: fold(lanes.map(|l| l.0)),
+        sum_squares: fold(lanes.map(|l| l.1)),
+        sum_states: std::array::from_fn(|k| fold(lanes.map(|l| l.2[k]))),
     }
+}
+
+/// Sums of a block without any weight. A NaN among its scores or a lost state has left no trace in the maximum; the
+/// sum shows it, as it does in other blocks.
+#[cold]
+fn worthless<const N: usize>(scores: &[f64], states: &[&[f64]; N]) -> BlockSums<N> {
+    let lost = states.iter().any(|column| column.iter().any(|x| !x.is_finite()));
+    let sum = if lost || scores.iter().any(|s| s.is_nan()) { f64::NAN } else { 0.0 };
+    BlockSums { sum, ..BlockSums::default() }
 }
 
 #[inline(always)]
@@ -119,17 +135,24 @@ fn run<const N: usize, S: Token>(
 ) -> BlockSums<N> {
     let count = scores.len();
     let whole = count / LANES * LANES;
-    let none = Lanes::splat(simd, f64::NEG_INFINITY);
-
-    // Four independent maxima hide the latency; the maximum does not depend on the order.
-    let mut max = [none; 4];
-    for i in (0..whole).step_by(LANES) {
-        let mut l = Lanes::load(simd, &scores[i..i + LANES]);
-        if let Some(old) = log_weights {
-            l = l + Lanes::load(simd, &old[i..i + LANES]);
-            l.store(&mut scores[i..i + LANES]);
+    // A local copy of the column slices: the stores below could otherwise alias them.
+    let states = *states;
+    assert!(weights.len() == count && states.iter().all(|c| c.len() == count));
+    let mut max = Lanes::splat(simd, f64::NEG_INFINITY);
+    match log_weights {
+        Some(old) => {
+            let old = &old[..count];
+            for i in (0..whole).step_by(LANES) {
+                let l = Lanes::load(simd, &scores[i..i + LANES]) + Lanes::load(simd, &old[i..i + LANES]);
+                l.store(&mut scores[i..i + LANES]);
+                max = max.max(l);
+            }
         }
-        max[i / LANES % 4] = max[i / LANES % 4].max(l);
+        None => {
+            for i in (0..whole).step_by(LANES) {
+                max = max.max(Lanes::load(simd, &scores[i..i + LANES]));
+            }
+        }
     }
     let mut tail = [f64::NEG_INFINITY; LANES];
     if whole < count {
@@ -141,11 +164,10 @@ fn run<const N: usize, S: Token>(
         tail[..count - whole].copy_from_slice(&scores[whole..]);
     }
     let tail = Lanes::load(simd, &tail);
-    let max = max[0].max(max[1]).max(max[2].max(max[3])).max(tail);
-    let max = fold(max, f64::max);
+    let max = fold(max.max(tail), f64::max);
     if max == f64::NEG_INFINITY {
         weights.fill(0.0);
-        return BlockSums { max, ..BlockSums::default() };
+        return worthless(scores, &states);
     }
 
     let zero = Lanes::splat(simd, 0.0);

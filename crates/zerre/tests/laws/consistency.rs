@@ -1,0 +1,103 @@
+//! Law 5: errors and innovations are as large as the filter says.
+//!
+//! Over independent runs, each with a target of its own, the normalised error squared of the last step (NEES) sums up
+//! to a chi-square number of 4 degrees of freedom per run, the normalised innovations squared (NIS) to one of 2 per
+//! measurement, and 95 % of the targets lie inside the 95 % ellipsoid. Bounds are two-sided quantiles that a right
+//! filter misses with probability `MISS` each: some 39 filters on two worlds with three numbers make 231
+//! comparisons, so all of them hold with probability 0.9998.
+//!
+//! Filters that approximate state by how much: a finite number of particles adds the error of their mean,
+//! P / ESS with ESS of at least 100, and the curvature of the radar's bearing less than 0.01 standard deviations. Both
+//! are below `APPROXIMATE` of the sums.
+
+use crate::list::{Class, Means, Sensor, UnderLaw, World, filters};
+use crate::{Verdict, uphold, worlds};
+use zerre::Time;
+use zerre::belief::Gaussian;
+use zerre::filter::{Kalman, ParticleFilter, Settings, predict_measurement};
+use zerre::math::chi_square;
+use zerre::rng::Stream;
+
+const MISS: f64 = 1e-6;
+const APPROXIMATE: f64 = 0.04;
+const RUNS: u32 = 200;
+
+/// The law for a filter that believes in `believed`, on targets of `world`.
+fn consistent<H: Sensor>(filter: &dyn UnderLaw, believed: &World<H>, world: &World<H>) -> Verdict {
+    let (mut nees, mut nis, mut seen, mut inside) = (0.0, 0.0, 0, 0);
+    let radius = chi_square::quantile(0.95, 4).unwrap();
+    for r in 0..RUNS {
+        let stream = Stream::new(77).fork(u64::from(r));
+        let (script, truth) = worlds::script(world, stream);
+        let mut run = filter.begin(stream.fork(1));
+        let mut now = Time::ZERO;
+        for (to, z) in &script {
+            if let Some(z) = z {
+                let state = Gaussian::new(run.mean(), run.covariance()).map_err(|e| e.to_string())?;
+                let foretold =
+                    predict_measurement(&believed.motion, &believed.sensor, &state, now, *to).unwrap();
+                nis += foretold.nis(z).unwrap();
+                seen += 1;
+            }
+            run.step(*to, z.as_ref()).unwrap();
+            now = *to;
+        }
+        let state = Gaussian::new(run.mean(), run.covariance()).map_err(|e| e.to_string())?;
+        let error = state.mahalanobis_squared(&truth[truth.len() - 1]).map_err(|e| e.to_string())?;
+        nees += error;
+        inside += u32::from(error < radius);
+    }
+    plausible("NEES", nees, 4 * RUNS)?;
+    plausible("NIS", nis, 2 * seen)?;
+    // Chernoff: P(|k / n - p| > d) < 2 exp(-2 n d^2).
+    let share = f64::from(inside) / f64::from(RUNS);
+    let width = ((2.0 / MISS).ln() / (2.0 * f64::from(RUNS))).sqrt();
+    if (share - 0.95).abs() > width {
+        return Err(format!("{share} of the targets lie inside the 95 % ellipsoid"));
+    }
+    Ok(())
+}
+
+fn plausible(what: &str, sum: f64, dof: u32) -> Verdict {
+    let low = (1.0 - APPROXIMATE) * chi_square::quantile(MISS / 2.0, dof).unwrap();
+    let high = (1.0 + APPROXIMATE) * chi_square::quantile(1.0 - MISS / 2.0, dof).unwrap();
+    if (low..=high).contains(&sum) {
+        return Ok(());
+    }
+    Err(format!("{what} is {:.3} times what it should be ({low:.0} to {high:.0})", sum / f64::from(dof)))
+}
+
+fn all_consistent<H: Sensor>(world: &World<H>) {
+    let list = filters(world, &Means::serial(1000));
+    let bound = list.iter().filter(|entry| entry.class != Class::Reproduction);
+    uphold(bound.map(|e| (e.name.clone(), consistent(&*e.filter, world, world))));
+}
+
+#[test]
+fn on_a_linear_world() {
+    all_consistent(&worlds::linear(2.0));
+}
+
+#[test]
+fn on_a_radar() {
+    all_consistent(&worlds::radar());
+}
+
+/// R four times too small: the classic.
+#[test]
+fn the_law_finds_an_optimist() {
+    let (world, wrong) = (worlds::linear(2.0), worlds::linear(1.0));
+    let kalman = Kalman::new(wrong.motion, wrong.sensor, wrong.prior).unwrap();
+    assert!(consistent(&kalman, &wrong, &world).is_err());
+    let settings = Settings { particles: 1000, ..Settings::default() };
+    let particle = ParticleFilter::new(wrong.prior, wrong.motion, wrong.sensor, settings).unwrap();
+    assert!(consistent(&particle, &wrong, &world).is_err());
+}
+
+/// R four times too large: errors are smaller than it says.
+#[test]
+fn the_law_finds_a_pessimist() {
+    let (world, wrong) = (worlds::linear(2.0), worlds::linear(4.0));
+    let kalman = Kalman::new(wrong.motion, wrong.sensor, wrong.prior).unwrap();
+    assert!(consistent(&kalman, &wrong, &world).is_err());
+}
