@@ -97,9 +97,7 @@ pub(super) fn with_motion<T: WithMotion>(spec: &MotionSpec, dimensions: usize, w
         }
         ("singer", 2) => work.with::<_, Plane, 6, 6, 2>(Singer::<2>::new(wander()?, tau()?)?),
         ("singer", 3) => work.with::<_, Space, 9, 9, 3>(Singer::<3>::new(wander()?, tau()?)?),
-        ("coordinated-turn", 2) => {
-            work.with::<_, Plane, 4, 4, 2>(CoordinatedTurn::new(turn_rate()?, q()?)?)
-        }
+        ("coordinated-turn", 2) => work.with::<_, Plane, 4, 4, 2>(CoordinatedTurn::new(turn_rate()?, q()?)?),
         ("manoeuvre-turn", 2) => work.with::<_, Plane, 4, 4, 2>(ManoeuvreTurn::new(lateral()?, q()?)?),
         ("wiener-turn", 2) => work.with::<_, Plane, 5, 5, 2>(WienerTurn::new(q()?, turn_q()?)?),
         ("markov-turn", 2) => work.with::<_, Plane, 5, 5, 2>(MarkovTurn::new(q()?, rate_sd()?, tau()?)?),
@@ -109,7 +107,9 @@ pub(super) fn with_motion<T: WithMotion>(spec: &MotionSpec, dimensions: usize, w
 
 fn no_motion(name: &str, dimensions: usize) -> Error {
     Error::Unsupported(match MOTIONS.iter().any(|entry| entry.name == name) {
-        true if name.contains("growth") => format!("the motion `{name}` is a benchmark on one axis: no sensor sees it"),
+        true if name.contains("growth") => {
+            format!("the motion `{name}` is a benchmark on one axis: no sensor sees it")
+        }
         true => format!("the motion `{name}` has no form in {dimensions} dimensions"),
         false => format!("there is no motion `{name}`"),
     })

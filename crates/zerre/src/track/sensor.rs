@@ -321,8 +321,7 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
                 self.converted([range, bearing, 0.0], noise)?
             }
             Reading::RangeBearingElevation(z) => {
-                let noise =
-                    [variance(Noise::Range)?, variance(Noise::Bearing)?, variance(Noise::Elevation)?];
+                let noise = [variance(Noise::Range)?, variance(Noise::Bearing)?, variance(Noise::Elevation)?];
                 self.converted(z, noise)?
             }
             Reading::Bearing(_) | Reading::Range(_) | Reading::RangeRate(_) => return Ok(None),
@@ -407,7 +406,11 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensors<F, N, D> {
 }
 
 /// The digest of `z`, for states of `N` components.
-fn given<'z, const N: usize, H: Measurement<N>>(model: &'z H, z: &'z H::Value, at: Time) -> Result<H::Given<'z>> {
+fn given<'z, const N: usize, H: Measurement<N>>(
+    model: &'z H,
+    z: &'z H::Value,
+    at: Time,
+) -> Result<H::Given<'z>> {
     model.given(z, at)
 }
 
@@ -433,15 +436,19 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Likelihood<N> for Sensors<F
         let reading = &plot.reading;
         sensor.fits(reading)?;
         Ok(match reading {
-            Reading::Position2(_) | Reading::Position3(_) => {
-                Digest::Position(given::<N, _>(known(&sensor.position, sensor, reading)?, exactly(reading)?, at)?)
-            }
+            Reading::Position2(_) | Reading::Position3(_) => Digest::Position(given::<N, _>(
+                known(&sensor.position, sensor, reading)?,
+                exactly(reading)?,
+                at,
+            )?),
             Reading::RangeBearing(_) | Reading::RangeBearingElevation(_) => {
                 Digest::Polar(given::<N, _>(known(&sensor.polar, sensor, reading)?, exactly(reading)?, at)?)
             }
-            Reading::Bearing(_) => {
-                Digest::Bearing(given::<N, _>(known(&sensor.bearing, sensor, reading)?, exactly(reading)?, at)?)
-            }
+            Reading::Bearing(_) => Digest::Bearing(given::<N, _>(
+                known(&sensor.bearing, sensor, reading)?,
+                exactly(reading)?,
+                at,
+            )?),
             Reading::Range(_) => {
                 Digest::Range(given::<N, _>(known(&sensor.range, sensor, reading)?, exactly(reading)?, at)?)
             }

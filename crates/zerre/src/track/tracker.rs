@@ -1,9 +1,9 @@
 //! The loop of one target, and the targets of a run.
 
+use super::Plot;
 use super::motion::{MotionSpec, WithMotion, with_motion};
 use super::saved::{SavedBelief, SavedTarget, SavedTracker, Version};
 use super::sensor::{Frame, SensorSpec, Sensors, Work};
-use super::Plot;
 use crate::belief::{Cloud, Gaussian, GaussianBelief};
 use crate::catalog::FILTERS;
 use crate::error::{Error, Result};

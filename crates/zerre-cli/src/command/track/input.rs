@@ -60,8 +60,11 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         if let (Some(ours), Some(theirs)) = (&input.frame, &recording.summary.frame)
             && ours.origin() != theirs.origin()
         {
-            let text = format!("{name}: its plane touches the earth elsewhere than that of the recordings before");
-            return Err(Diagnostic::new(text).help("give one origin for all under [input], or track them one by one"));
+            let text =
+                format!("{name}: its plane touches the earth elsewhere than that of the recordings before");
+            return Err(
+                Diagnostic::new(text).help("give one origin for all under [input], or track them one by one")
+            );
         }
         let stem: Arc<str> = Arc::from(path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy());
         for mut plot in recording.plots {

@@ -73,9 +73,9 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
                 None => break,
             },
         };
-        let row = tracker.push(&plot).map_err(|error| {
-            failed(&error).help(format!("it was line {} of standard input", plot.line))
-        })?;
+        let row = tracker
+            .push(&plot)
+            .map_err(|error| failed(&error).help(format!("it was line {} of standard input", plot.line)))?;
         rows += 1;
         degraded |= matches!(row.event, Event::Degenerate | Event::Restarted);
         if !matches!(row.event, Event::Started | Event::Updated) {

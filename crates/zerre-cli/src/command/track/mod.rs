@@ -43,7 +43,8 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
         }
         if args.truth.is_some() && !global.json {
             let text = "a stream is not scored: rows leave as soon as they are made";
-            return Err(Diagnostic::usage(text).help("leave --truth out, or give --json to read all of the input first"));
+            return Err(Diagnostic::usage(text)
+                .help("leave --truth out, or give --json to read all of the input first"));
         }
         if !global.json {
             return live::run(&call, settings, &workers);

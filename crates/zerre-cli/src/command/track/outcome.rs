@@ -136,12 +136,12 @@ impl Outcome {
         }
         outcome.sensors = sensors;
         outcome.tracks = tracks.into_values().collect();
-        outcome.assess(run, input)?;
+        outcome.assess(run)?;
         Ok(outcome)
     }
 
     /// Judges the innovations of every sensor.
-    fn assess(&mut self, run: &Run, input: &Input) -> Result<(), Diagnostic> {
+    fn assess(&mut self, run: &Run) -> Result<(), Diagnostic> {
         for (place, sensor) in self.sensors.iter_mut().enumerate() {
             let names = sensor.components;
             let mut all = SensorInnovations {
@@ -163,7 +163,10 @@ impl Outcome {
                     .collect();
                 for (c, component) in all.components.iter_mut().enumerate() {
                     component.series.push(
-                        of_track.iter().filter_map(|innovation| innovation.whitened.get(c).copied()).collect(),
+                        of_track
+                            .iter()
+                            .filter_map(|innovation| innovation.whitened.get(c).copied())
+                            .collect(),
                     );
                 }
                 all.nis.extend(of_track.iter().map(|innovation| innovation.nis));
@@ -175,7 +178,6 @@ impl Outcome {
             let judged = assess(&all).map_err(|error| Diagnostic::new(error.to_string()))?;
             sensor.assessment = Some(judged);
         }
-        debug_assert_eq!(self.sensor_of.len(), input.plots.len());
         Ok(())
     }
 
@@ -280,7 +282,10 @@ impl Outcome {
         if rejected > 0 {
             let reasons: Vec<_> =
                 input.counts.rejected.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-            lines.push(("rows rejected", format!("{rejected} of {}: {}", input.counts.read, reasons.join(", "))));
+            lines.push((
+                "rows rejected",
+                format!("{rejected} of {}: {}", input.counts.read, reasons.join(", ")),
+            ));
         }
         lines.push(("filter", settings.filter_text()));
         lines.push(("log-evidence", format!("{}{}", evidence_text(self.log_evidence), against(run))));
@@ -323,8 +328,7 @@ impl Outcome {
 
 /// ", from 0 s to 299 s (5 min)".
 fn span(tracks: &[Track]) -> String {
-    let (Some(start), Some(end)) =
-        (tracks.iter().map(|t| t.start).min(), tracks.iter().map(|t| t.end).max())
+    let (Some(start), Some(end)) = (tracks.iter().map(|t| t.start).min(), tracks.iter().map(|t| t.end).max())
     else {
         return String::new();
     };

@@ -62,7 +62,10 @@ pub(super) fn pages(
         start: first.and_then(calendar),
         plan_note: input.frame.as_ref().map(|frame| {
             let o = frame.origin();
-            format!("x points east and y north of {:.5}°, {:.5}° (latitude, longitude).", o.lat_deg, o.lon_deg)
+            format!(
+                "x points east and y north of {:.5}°, {:.5}° (latitude, longitude).",
+                o.lat_deg, o.lon_deg
+            )
         }),
         tracks: outcome
             .tracks

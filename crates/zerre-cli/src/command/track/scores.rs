@@ -98,10 +98,8 @@ pub(super) fn score(
     let truth_ways: Vec<&Trajectory> = truth_ways.collect();
     let mut sums = [0.0; 4];
     for &time in &times {
-        let real: Vec<Vec<f64>> = truth_ways
-            .iter()
-            .filter_map(|way| Some(way.at(time, gap)?[..dimensions].to_vec()))
-            .collect();
+        let real: Vec<Vec<f64>> =
+            truth_ways.iter().filter_map(|way| Some(way.at(time, gap)?[..dimensions].to_vec())).collect();
         let estimates: Vec<Vec<f64>> =
             ways.values().filter_map(|rows| between(rows, time, max_gap, dimensions)).collect();
         let g = gospa(&estimates, &real, GOSPA.0, GOSPA.1).map_err(failed)?;
@@ -109,8 +107,7 @@ pub(super) fn score(
             *sum += part / times.len() as f64;
         }
     }
-    for (name, value) in
-        ["gospa", "gospa_localisation", "gospa_missed", "gospa_false"].into_iter().zip(sums)
+    for (name, value) in ["gospa", "gospa_localisation", "gospa_missed", "gospa_false"].into_iter().zip(sums)
     {
         values.insert(name, value);
     }

@@ -12,8 +12,8 @@ use zerre::Span;
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
-    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, MotionSpec, Noise, Plot, Robust as Tails,
-    SensorSpec, StartSpec, TrackerSpec, Unknown, learn,
+    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, MotionSpec, Noise, Plot,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
@@ -30,13 +30,18 @@ pub(super) struct Settings {
 
 /// Failure of a model: a sentence of the library.
 pub(super) fn refused(error: &zerre::Error) -> Diagnostic {
-    Diagnostic::new(error.to_string()).help("`zerre track --explain` shows the settings, `zerre catalog` the choices")
+    Diagnostic::new(error.to_string())
+        .help("`zerre track --explain` shows the settings, `zerre catalog` the choices")
 }
 
 const AUTO: &str = "auto";
 
 impl Settings {
-    pub fn new(args: &Track, source: Option<Source>, mut config: TrackConfig) -> Result<Settings, Diagnostic> {
+    pub fn new(
+        args: &Track,
+        source: Option<Source>,
+        mut config: TrackConfig,
+    ) -> Result<Settings, Diagnostic> {
         let mut effective = Effective::new(source);
         if let Some(name) = &args.filter {
             config.filter.name = Some(name.clone());
@@ -152,7 +157,8 @@ impl Settings {
             if let Some(place) = self.effective.settle_given(&at("position"), &sensor.position) {
                 let Some(origin) = self.options.origin else {
                     let text = format!("sensor.{name}.position needs the origin of the plane");
-                    return Err(Diagnostic::new(text).help("give `origin` under [input], or `position_m` of the sensor"));
+                    return Err(Diagnostic::new(text)
+                        .help("give `origin` under [input], or `position_m` of the sensor"));
                 };
                 let place = Geodetic::new(place.lat_deg, place.lon_deg, place.alt_m)
                     .map_err(|error| Diagnostic::new(error.to_string()))?;
