@@ -83,7 +83,7 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
         .map(|(name, _)| name.clone())
         .collect();
     let particles = matches!(filter.as_str(), "particle" | "sir" | "sis");
-    let reach = particles.then(|| reach_of(spec.filter.particles));
+    let reach = particles.then(|| reach_of(spec.filter.particles, spec.dimensions));
     let learnt = |mut spec: TrackerSpec| -> Result<(TrackerSpec, Vec<f64>, f64)> {
         let (log_evidence, logs) = search(&spec, unknown, &chosen, reach)?;
         set(&mut spec, unknown, &logs);
@@ -215,9 +215,10 @@ struct Evidence<'a> {
     reach: Option<f64>,
 }
 
-/// How far n particles reach: the largest of n normal numbers is near sqrt(2 ln n).
-fn reach_of(particles: usize) -> f64 {
-    (2.0 * ln(particles.max(2) as f64)).sqrt()
+/// How far n particles reach: the largest of m normal numbers is near sqrt(2 ln m), and spread over d dimensions of
+/// a position there are m = n^(1/d) along each.
+fn reach_of(particles: usize, dimensions: usize) -> f64 {
+    (2.0 * ln(particles.max(2) as f64) / dimensions.max(1) as f64).sqrt()
 }
 
 /// Log-evidence that particles lose on an innovation beyond their reach. With `share` of the innovation's variance
