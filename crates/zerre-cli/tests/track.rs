@@ -331,3 +331,36 @@ fn flights_ships_and_surface_radar() {
         assert!(inside.join("out/tracks.geojson").exists(), "{path}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_stopped_keeps_what_it_has() {
+    use std::time::Duration;
+    let inside = folder("stopped");
+    let mut table = "time_s,id,x_m,y_m\n".to_owned();
+    for k in 0..200_000 {
+        table += &format!("{k},a,{},{}\n", 3 * k, k % 2);
+    }
+    std::fs::write(inside.join("long.csv"), table).unwrap();
+    // Some minutes of work.
+    let settings = "[filter]\nname = \"particle\"\nparticles = 20000\n[motion]\nacceleration_sd_mps2 = 1\n\
+                    [sensor.default]\nposition_sd_m = 1\n";
+    std::fs::write(inside.join("c.toml"), settings).unwrap();
+    let child = command(&inside, "long.csv --config c.toml --threads 1")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Long enough to read the table and to listen for the signal, on a slow machine too.
+    std::thread::sleep(Duration::from_secs(5));
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("stopped before the end"), "{said}");
+    assert_eq!(record(&inside)["state"], "interrupted");
+    let rows = std::fs::read_to_string(inside.join("out/tracks.csv")).unwrap();
+    assert!((1..200_001).contains(&rows.lines().count()), "{}", rows.lines().count());
+    assert!(rows.ends_with('\n'));
+}
