@@ -145,7 +145,8 @@ Examples:
 
 Input is a table with a header whose names carry units: time_s or time (RFC 3339), then
 x_m y_m | range_m bearing_deg | lat_deg lon_deg ..., and id where targets are identified.
-Outputs in --out: tracks.csv, tracks.parquet, tracks.geojson (geographic input), report.html, run.json.";
+Outputs in --out: tracks.csv, tracks.parquet, tracks.geojson (geographic input), report.html,
+plan.svg, run.json. Standard input without --json gives rows on standard output and run.json.";
 
 /// Follow targets in recorded measurements
 #[derive(Clone, Debug, clap::Args)]

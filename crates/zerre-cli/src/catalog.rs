@@ -39,7 +39,13 @@ pub fn names(entries: &[Entry], kind: &str) -> Vec<&'static str> {
 
 /// Everything that this program can name: the lists of the crates, one after the other.
 pub fn all() -> Vec<Entry> {
-    let library = [("motions", zerre::catalog::MOTIONS), ("measurements", zerre::catalog::MEASUREMENTS)];
+    use zerre::catalog::{FILTERS, MEASUREMENTS, MOTIONS, RESAMPLERS};
+    let library = [
+        ("filters", FILTERS),
+        ("motions", MOTIONS),
+        ("measurements", MEASUREMENTS),
+        ("resamplers", RESAMPLERS),
+    ];
     let of_library = library.iter().flat_map(|(kind, list)| {
         list.iter().map(|e| Entry { kind, name: e.name, about: e.about, source: e.source })
     });

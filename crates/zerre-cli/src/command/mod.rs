@@ -26,10 +26,10 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Catalog { kind } => catalog::run(kind.as_deref(), console),
         Command::Schema { kind } => schema::run(kind, console),
         Command::Init { kind } => init::run(kind, &args.global, console),
+        Command::Track(of) => track::run(of, &args.global, console),
         Command::Simulate(of) => simulate::run(of, &args.global, console),
         Command::Compare(of) => compare::run(of, &args.global, console),
         Command::Bench { quick } => bench::run(&args.global, *quick, console),
-        Command::Track(track) => track::run(track, &args.global, console),
     }
 }
 

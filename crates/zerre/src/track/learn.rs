@@ -3,7 +3,7 @@
 use super::motion::{WithMotion, with_motion};
 use super::sensor::{Frame, Noise};
 use super::tail::Robust;
-use super::tracker::{Engine, Rules};
+use super::tracker::{Engine, Event, Innovation, Rules};
 use super::{Plot, TrackerSpec};
 use crate::belief::GaussianBelief;
 use crate::error::{Error, Result};
@@ -33,9 +33,7 @@ pub struct Learnt {
     pub plots: usize,
     /// Of how many targets.
     pub targets: usize,
-    /// Log-evidence of these plots at the numbers learnt.
-    pub log_evidence: f64,
-    /// Sensors that got [`HEAVY_TAILS`], and by how much that raised the log-evidence.
+    /// Sensors that got [`HEAVY_TAILS`], and by how much that raised the log-evidence of the filter.
     pub heavy_tails: Option<(Vec<String>, f64)>,
 }
 
@@ -57,7 +55,9 @@ const LEAST_SHARE: f64 = 0.05;
 /// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
 /// as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
 /// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of which the recording tells no more than that it is small against the
-/// wandering of the motion is set to where it makes a twentieth of the innovation's variance.
+/// wandering of the motion is set to where it makes a twentieth of the innovation's variance. For filters with
+/// particles the evidence is less what they lose on innovations that they do not reach: a rare manoeuvre must not
+/// leave all of them behind.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
 /// Mead (Computer Journal 7, 1965) on the logarithms: deterministic.
@@ -82,35 +82,65 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
         })
         .map(|(name, _)| name.clone())
         .collect();
-    let (mut log_evidence, mut logs) = search(&spec, unknown, &chosen)?;
-    let mut heavy_tails = None;
-    if !open.is_empty() {
-        let mut heavy = spec.clone();
-        for name in &open {
-            heavy.sensors.entry(name.clone()).or_default().robust = Some(HEAVY_TAILS);
-        }
-        let (other, other_logs) = search(&heavy, unknown, &chosen)?;
-        if other > log_evidence + CLEARLY {
-            heavy_tails = Some((open, other - log_evidence));
-            (spec, log_evidence, logs) = (heavy, other, other_logs);
-        }
-    }
+    let particles = matches!(filter.as_str(), "particle" | "sir" | "sis");
+    let reach = particles.then(|| reach_of(spec.filter.particles, spec.dimensions));
+    let learnt = |mut spec: TrackerSpec| -> Result<(TrackerSpec, Vec<f64>, f64)> {
+        let (log_evidence, logs) = search(&spec, unknown, &chosen, reach)?;
+        set(&mut spec, unknown, &logs);
+        spec.filter.name.clone_from(&filter);
+        Ok((spec, logs, log_evidence))
+    };
+    let (mut best, mut logs, log_evidence) = learnt(spec.clone())?;
     if !log_evidence.is_finite() {
         let text = "the recording tells nothing of the noises: give them in the configuration";
         return Err(Error::Unsupported(text.to_owned()));
     }
-    set(&mut spec, unknown, &logs);
-    spec.filter.name = filter;
+    let mut heavy_tails = None;
+    if !open.is_empty() {
+        for name in &open {
+            spec.sensors.entry(name.clone()).or_default().robust = Some(HEAVY_TAILS);
+        }
+        let (heavy, heavy_logs, _) = learnt(spec)?;
+        let gain = trial(&heavy, &chosen) - trial(&best, &chosen);
+        if gain > CLEARLY {
+            heavy_tails = Some((open, gain));
+            (best, logs) = (heavy, heavy_logs);
+        }
+    }
     let values = logs.iter().map(|&log| rounded(exp(log))).collect();
-    Ok(Learnt { spec, values, plots: count, targets: chosen.len(), log_evidence, heavy_tails })
+    Ok(Learnt { spec: best, values, plots: count, targets: chosen.len(), heavy_tails })
+}
+
+/// Log-evidence of the plots under the filter itself; -inf where it refuses the models. A restart counts as much as
+/// a measurement that is all but impossible.
+fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
+    const RESTART: f64 = -100.0;
+    let Ok(mut tracker) = spec.build(Engine::default()) else { return f64::NEG_INFINITY };
+    let mut total = 0.0;
+    for plot in targets.iter().flatten() {
+        match tracker.push(plot) {
+            Err(_) => return f64::NEG_INFINITY,
+            Ok(row) => {
+                let evidence = row.update.map_or(0.0, |update| update.log_evidence);
+                let lost = matches!(row.event, Event::Degenerate | Event::Restarted);
+                total += if lost || !evidence.is_finite() { RESTART } else { evidence };
+            }
+        }
+    }
+    total
 }
 
 /// The highest evidence and the logarithms of the unknown where it is.
-fn search(spec: &TrackerSpec, unknown: &[Unknown], targets: &[Vec<&Plot>]) -> Result<(f64, Vec<f64>)> {
+fn search(
+    spec: &TrackerSpec,
+    unknown: &[Unknown],
+    targets: &[Vec<&Plot>],
+    reach: Option<f64>,
+) -> Result<(f64, Vec<f64>)> {
     let evidence = |logs: &[f64]| -> Result<f64> {
         let mut candidate = spec.clone();
         set(&mut candidate, unknown, logs);
-        let work = Evidence { spec: &candidate, targets };
+        let work = Evidence { spec: &candidate, targets, reach };
         with_motion(&candidate.motion, candidate.dimensions, work)
     };
     let start: Vec<f64> = unknown.iter().map(|u| ln(typical(u))).collect();
@@ -181,6 +211,26 @@ fn choose(plots: &[Plot]) -> Vec<Vec<&Plot>> {
 struct Evidence<'a> {
     spec: &'a TrackerSpec,
     targets: &'a [Vec<&'a Plot>],
+    /// How many standard deviations of what is foretold the particles cover; `None` without particles.
+    reach: Option<f64>,
+}
+
+/// How far n particles reach: the largest of m normal numbers is near sqrt(2 ln m), and spread over d dimensions of
+/// a position there are m = n^(1/d) along each.
+fn reach_of(particles: usize, dimensions: usize) -> f64 {
+    (2.0 * ln(particles.max(2) as f64) / dimensions.max(1) as f64).sqrt()
+}
+
+/// Log-evidence that particles lose on an innovation beyond their reach. With `share` of the innovation's variance
+/// being noise, the state that a normal law finds most likely lies (1 - share) of the way; where no particle is so
+/// far out, the outermost has to explain the rest by noise.
+fn shortfall(nis: f64, share: f64, reach: f64) -> f64 {
+    let (distance, cover) = (nis.sqrt(), reach * (1.0 - share).max(0.0).sqrt());
+    if distance * (1.0 - share) <= cover {
+        return 0.0;
+    }
+    let beyond = distance - cover;
+    0.5 * (reach * reach + beyond * beyond / share - nis)
 }
 
 impl WithMotion for Evidence<'_> {
@@ -210,6 +260,10 @@ impl WithMotion for Evidence<'_> {
                     Outcome::Degenerate => foretold.log_density,
                     _ => update.log_evidence,
                 };
+                if rules.sensors.of(plot).is_normal() {
+                    let Innovation { nis, noise_share, .. } = foretold.innovation;
+                    total -= self.reach.map_or(0.0, |reach| shortfall(nis, noise_share, reach));
+                }
             }
         }
         // A wall that the simplex can climb along: it costs more than any evidence gains.

@@ -43,3 +43,6 @@ pub use tracker::{
     Engine, Estimate, Event, FilterSpec, Innovation, LifeSpec, Row, StartSpec, State, Tracker, TrackerSpec,
     stable_hash,
 };
+
+#[cfg(test)]
+mod tests;

@@ -265,6 +265,11 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
         self.gate.and_then(|gate| gate.get(m.wrapping_sub(1)).copied()).unwrap_or(f64::INFINITY)
     }
 
+    /// Whether errors follow the normal law.
+    pub(super) fn is_normal(&self) -> bool {
+        self.spec.robust.is_none()
+    }
+
     /// Does `work` with the model of `reading`.
     pub(super) fn with<T: Work<N>>(&self, reading: &Reading, work: T) -> Result<T::Out> {
         self.fits(reading)?;

@@ -88,8 +88,9 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
         let text = table.geojson(frame).map_err(|error| Diagnostic::new(error.to_string()))?;
         folder.write("tracks.geojson", |out| std::io::Write::write_all(out, text.as_bytes()))?;
     }
-    let page = report::page(&call, &settings, &input, &run, &outcome, &scores, &record);
+    let (page, plan) = report::pages(&call, &settings, &input, &run, &outcome, &scores, &record);
     folder.write("report.html", |out| std::io::Write::write_all(out, page.as_bytes()))?;
+    folder.write("plan.svg", |out| std::io::Write::write_all(out, plan.as_bytes()))?;
     record.seconds = call.since.elapsed().as_secs_f64();
     let path = folder.finish(&record)?;
 

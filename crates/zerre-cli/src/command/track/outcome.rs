@@ -136,12 +136,12 @@ impl Outcome {
         }
         outcome.sensors = sensors;
         outcome.tracks = tracks.into_values().collect();
-        outcome.assess(run, input)?;
+        outcome.assess(run)?;
         Ok(outcome)
     }
 
     /// Judges the innovations of every sensor.
-    fn assess(&mut self, run: &Run, input: &Input) -> Result<(), Diagnostic> {
+    fn assess(&mut self, run: &Run) -> Result<(), Diagnostic> {
         for (place, sensor) in self.sensors.iter_mut().enumerate() {
             let names = sensor.components;
             let mut all = SensorInnovations {
@@ -178,7 +178,6 @@ impl Outcome {
             let judged = assess(&all).map_err(|error| Diagnostic::new(error.to_string()))?;
             sensor.assessment = Some(judged);
         }
-        debug_assert_eq!(self.sensor_of.len(), input.plots.len());
         Ok(())
     }
 

@@ -12,10 +12,11 @@ use zerre::Time;
 use zerre::track::{Event, Row};
 use zerre_lab::report::{
     Counts, InnovationRow, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo, TrackSeries,
-    TruthSeries, render,
+    TruthSeries, plan_svg, render,
 };
 
-pub(super) fn page(
+/// The page, and its plan as a picture.
+pub(super) fn pages(
     call: &Call<'_>,
     settings: &Settings,
     input: &Input,
@@ -23,7 +24,7 @@ pub(super) fn page(
     outcome: &Outcome,
     scores: &Scores,
     record: &Record,
-) -> String {
+) -> (String, String) {
     let spec = settings.spec(call.global.seed);
     let names: Vec<_> = call
         .args
@@ -119,7 +120,7 @@ pub(super) fn page(
         config_text: settings.effective.to_string(),
         digest: record.estimates_digest.clone().unwrap_or_default(),
     };
-    render(&report)
+    (render(&report), plan_svg(&report))
 }
 
 fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {

@@ -2,7 +2,6 @@
 
 use super::work::{Reference, has_particles};
 use crate::args::Track;
-use crate::catalog::Entry;
 use crate::config::{
     Effective, Estimate, Generator, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
 };
@@ -10,7 +9,6 @@ use crate::console::Console;
 use crate::diagnostic::Diagnostic;
 use std::collections::{BTreeMap, BTreeSet};
 use zerre::Span;
-use zerre::catalog::{FILTERS, MOTIONS, RESAMPLERS};
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
@@ -242,7 +240,6 @@ fn name_of(
     path: &[&str],
     (what, kind): (&str, &'static str),
     given: &Option<String>,
-    list: &[zerre::catalog::Entry],
     (choice, why): (&str, &str),
 ) -> Result<String, Diagnostic> {
     let name = effective.settle(path, given, choice.to_owned(), why);
@@ -250,9 +247,7 @@ fn name_of(
         effective.put(path, choice, Reason::Chosen(why.to_owned()));
         return Ok(choice.to_owned());
     }
-    let entries: Vec<Entry> =
-        list.iter().map(|e| Entry { kind, name: e.name, about: e.about, source: e.source }).collect();
-    effective.check_name(path, what, &name, &entries, kind)?;
+    effective.check_name(path, what, &name, &crate::catalog::all(), kind)?;
     Ok(name)
 }
 
@@ -263,7 +258,6 @@ fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec,
         &["filter", "name"],
         ("filter", "filters"),
         &config.filter.name,
-        FILTERS,
         ("particle", why),
     )?;
     let mut spec = TrackerSpec::new(&name, "").filter;
@@ -272,11 +266,7 @@ fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec,
     }
     let settings = config.filter.settle_particles(effective);
     let path = ["filter", "resampling"];
-    let known: Vec<Entry> = RESAMPLERS
-        .iter()
-        .map(|e| Entry { kind: "resamplers", name: e.name, about: e.about, source: e.source })
-        .collect();
-    effective.check_name(&path, "resampler", &settings.resampling, &known, "resamplers")?;
+    effective.check_name(&path, "resampler", &settings.resampling, &crate::catalog::all(), "resamplers")?;
     spec.particles = settings.particles as usize;
     spec.resampling = match settings.resampling.as_str() {
         "multinomial" => Resampling::Multinomial,
@@ -311,7 +301,6 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         &["motion", "model"],
         ("motion", "motions"),
         &given.model,
-        MOTIONS,
         ("constant-velocity", why),
     )?;
     let at = |key| ["motion", key];

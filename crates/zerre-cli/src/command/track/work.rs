@@ -2,7 +2,7 @@
 
 use super::input::Input;
 use super::settings::refused;
-use crate::args::{Global, Simd as Level};
+use crate::args::Global;
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
 use crate::run::{Progress, interrupted};
@@ -16,23 +16,12 @@ use zerre::track::{Engine, Event, Plot, Row, State, TrackerSpec};
 /// Who works. Neither number of threads nor instructions change a result.
 pub(super) struct Workers {
     threads: usize,
-    pub simd: Simd,
+    simd: Simd,
 }
 
 impl Workers {
     pub fn new(global: &Global) -> Result<Workers, Diagnostic> {
-        let name = match global.simd {
-            Level::Auto => Simd::best().name(),
-            Level::Scalar => "scalar",
-            Level::Avx2 => "avx2",
-            Level::Avx512 => "avx512",
-            Level::Neon => "neon",
-        };
-        let simd = Simd::named(name).ok_or_else(|| {
-            let known: Vec<_> = Simd::available().iter().map(|level| level.name()).collect();
-            Diagnostic::new(format!("this processor has no {name}"))
-                .help(format!("it has {}", known.join(", ")))
-        })?;
+        let simd = crate::command::simd(global)?;
         let all = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Workers { threads: global.threads.map_or_else(all, usize::from), simd })
     }

@@ -1,0 +1,382 @@
+use super::*;
+use crate::catalog::{FILTERS, MOTIONS};
+use crate::error::Error;
+use crate::filter::Filter;
+use crate::kernels::{Simd, Threads};
+use crate::model::motion::ConstantVelocity;
+use crate::model::simulate;
+use crate::rng::{Purpose, Stream};
+use crate::time::Time;
+use proptest::prelude::*;
+use std::sync::Arc;
+
+fn plot(id: &str, secs: f64, reading: Reading) -> Plot {
+    Plot { time: Time::from_secs(secs), id: Some(Arc::from(id)), sensor: None, scan: None, line: 1, reading }
+}
+
+/// A specification in which nothing is left to tell.
+fn spec(filter: &str, motion: &str, dimensions: usize) -> TrackerSpec {
+    let mut spec = TrackerSpec::new(filter, motion);
+    spec.dimensions = dimensions;
+    spec.filter.particles = 300;
+    spec.motion = MotionSpec {
+        model: motion.to_owned(),
+        speed_sd_mps: Some(3.0),
+        acceleration_sd_mps2: Some(0.5),
+        jerk_sd_mps3: Some(0.2),
+        turn_rate_rad_s: Some(0.02),
+        lateral_acceleration_mps2: Some(0.3),
+        turn_rate_sd_rad_s: Some(0.05),
+        turn_acceleration_sd_rad_s2: Some(0.01),
+        tau_s: Some(10.0),
+    };
+    let sensor = SensorSpec {
+        position_m: [-100.0, 20.0, 0.0],
+        position_sd_m: Some(2.0),
+        range_sd_m: Some(3.0),
+        bearing_sd_rad: Some(0.01),
+        elevation_sd_rad: Some(0.01),
+        range_rate_sd_mps: Some(0.5),
+        gate: None,
+        robust: None,
+    };
+    spec.sensors.insert(DEFAULT_SENSOR.to_owned(), sensor);
+    spec
+}
+
+/// Two targets on straight lines, seen by turns as positions.
+fn two_targets(steps: usize) -> Vec<Plot> {
+    let mut draws = Stream::new(3).draws(Purpose::Other, 0, 0);
+    let mut plots = Vec::new();
+    for k in 0..steps {
+        let t = k as f64;
+        for (id, x, y) in [("a", 10.0 * t, 3.0), ("b", -5.0, 40.0 + 7.0 * t)] {
+            plots.push(plot(id, t, Reading::Position2([x + 2.0 * draws.normal(), y + 2.0 * draws.normal()])));
+        }
+    }
+    plots
+}
+
+fn rows(spec: &TrackerSpec, engine: Engine, plots: &[Plot]) -> Vec<Row> {
+    let mut tracker = spec.build(engine).unwrap();
+    plots.iter().map(|p| tracker.push(p).unwrap()).collect()
+}
+
+#[test]
+fn every_filter_follows_by_every_motion_that_it_takes() {
+    for filter in FILTERS {
+        for motion in MOTIONS.iter().filter(|m| !m.name.contains("growth")) {
+            for dimensions in [2, 3] {
+                let spec = spec(filter.name, motion.name, dimensions);
+                let Ok(mut tracker) = spec.build(Engine::default()) else {
+                    assert!(
+                        dimensions == 3 && motion.name.contains("turn"),
+                        "{} {}",
+                        filter.name,
+                        motion.name
+                    );
+                    continue;
+                };
+                let curved = ["manoeuvre-turn", "wiener-turn", "markov-turn"].contains(&motion.name);
+                for k in 0..20 {
+                    let t = f64::from(k);
+                    let reading = match dimensions {
+                        2 => Reading::Position2([8.0 * t, 5.0]),
+                        _ => Reading::Position3([8.0 * t, 5.0, 100.0]),
+                    };
+                    let row = match tracker.push(&plot("a", t, reading)) {
+                        Ok(row) => row,
+                        Err(Error::Unsupported(text)) => {
+                            assert!(filter.name == "kalman" && curved, "{}: {text}", motion.name);
+                            break;
+                        }
+                        Err(other) => panic!("{other}"),
+                    };
+                    assert!(!(filter.name == "kalman" && curved && k > 0));
+                    assert_eq!(row.event, if k == 0 { Event::Started } else { Event::Updated });
+                    assert_eq!(row.mean.len(), tracker.states().len());
+                    assert_eq!(row.covariance.len(), row.mean.len() * row.mean.len());
+                    // Ten times the deviation of a position.
+                    assert!((row.mean[0] - 8.0 * t).abs() < 20.0, "{} {}: {row:?}", filter.name, motion.name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_reading_finds_its_model() {
+    for filter in ["ekf", "ukf", "particle"] {
+        for robust in
+            [None, Some(Robust::StudentT { dof: 4.0 }), Some(Robust::Outliers { share: 0.1, scale: 9.0 })]
+        {
+            for (dimensions, position, polar) in [
+                (2, Reading::Position2([0.0, 20.0]), Reading::RangeBearing([100.0, 0.0])),
+                (3, Reading::Position3([0.0, 20.0, 0.0]), Reading::RangeBearingElevation([100.0, 0.0, 0.0])),
+            ] {
+                let mut spec = spec(filter, "constant-velocity", dimensions);
+                spec.sensors.get_mut(DEFAULT_SENSOR).unwrap().robust = robust;
+                let mut tracker = spec.build(Engine::default()).unwrap();
+                let readings =
+                    [position, polar, Reading::Bearing(0.0), Reading::Range(100.0), Reading::RangeRate(0.0)];
+                for (k, reading) in readings.into_iter().enumerate() {
+                    let row = tracker.push(&plot("a", 0.1 * k as f64, reading)).unwrap();
+                    assert_eq!(row.event, if k == 0 { Event::Started } else { Event::Updated });
+                    if let Some(innovation) = row.innovation {
+                        assert_eq!(innovation.whitened.len(), reading.values().len());
+                        assert!(innovation.noise_share > 0.0 && innovation.noise_share <= 1.0);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_in_words() {
+    let first = |spec: &TrackerSpec, reading| -> String {
+        let pushed = spec.build(Engine::default()).and_then(|mut tracker| {
+            tracker.push(&plot("a", 0.0, Reading::Position2([0.0, 0.0]))).ok();
+            tracker.push(&plot("a", 1.0, reading))
+        });
+        pushed.unwrap_err().to_string()
+    };
+    let near = Reading::Position2([1.0, 1.0]);
+    let cases = [
+        (spec("kalman", "constant-velocity", 2), Reading::RangeBearing([5.0, 0.1]), "Kalman filter is exact"),
+        (spec("kalman", "wiener-turn", 2), near, "nonlinear motion"),
+        (spec("ekf", "constant-velocity", 2), Reading::Position3([1.0; 3]), "needs a motion in 3 dimensions"),
+        (spec("ekf", "constant-velocity", 3), near, "needs a motion in 2 dimensions"),
+        (
+            spec("particle", "random-walk", 2),
+            Reading::RangeRate(1.0),
+            "range rates need a motion with velocity",
+        ),
+        (spec("particle", "growth", 2), near, "no sensor sees it"),
+        (spec("particle", "wiener-turn", 3), near, "no form in 3 dimensions"),
+        (spec("particle", "brisk-walk", 2), near, "no motion `brisk-walk`"),
+        (spec("kallman", "singer", 2), near, "no filter `kallman`"),
+        (TrackerSpec::new("ekf", "constant-velocity"), near, "acceleration_sd_mps2"),
+    ];
+    for (spec, reading, says) in cases {
+        let text = first(&spec, reading);
+        assert!(text.contains(says), "{text}");
+    }
+    let mut blind = spec("ekf", "constant-velocity", 2);
+    blind.sensors.get_mut(DEFAULT_SENSOR).unwrap().bearing_sd_rad = None;
+    assert!(first(&blind, Reading::Bearing(0.1)).contains("measures bearings, but"));
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert!(
+            first(&spec("ekf", "constant-velocity", 2), Reading::Position2([bad, 0.0])).contains("finite")
+        );
+    }
+}
+
+#[test]
+fn targets_do_not_touch_each_other() {
+    for filter in ["ukf", "particle"] {
+        let spec = spec(filter, "constant-velocity", 2);
+        let plots = two_targets(30);
+        let together = rows(&spec, Engine::default(), &plots);
+        for id in ["a", "b"] {
+            let of = |row: &&Row| *row.id == *id;
+            let own: Vec<Plot> = plots.iter().filter(|p| p.id.as_deref() == Some(id)).cloned().collect();
+            let alone = rows(&spec, Engine::default(), &own);
+            assert!(together.iter().filter(of).eq(&alone));
+        }
+    }
+}
+
+#[test]
+fn neither_threads_nor_instructions_change_a_bit() {
+    let mut spec = spec("particle", "constant-velocity", 2);
+    // Enough blocks that a pool takes part.
+    spec.filter.particles = 5000;
+    let plots = two_targets(8);
+    let reference = rows(&spec, Engine { simd: Simd::scalar(), threads: Threads::Serial }, &plots);
+    for simd in Simd::available() {
+        for threads in [1, 2, 4] {
+            let threads = Threads::new(threads).unwrap();
+            assert_eq!(rows(&spec, Engine { simd, threads }, &plots), reference, "{}", simd.name());
+        }
+    }
+}
+
+#[test]
+fn saved_tracks_go_on_to_the_same_bits() {
+    for filter in ["kalman", "particle", "sis"] {
+        let spec = spec(filter, "constant-velocity", 2);
+        let plots = two_targets(20);
+        // After the first plot of `a`, during the warm-up, and later.
+        for cut in [1, 3, 17] {
+            let mut tracker = spec.build(Engine::default()).unwrap();
+            plots[..cut].iter().for_each(|p| drop(tracker.push(p).unwrap()));
+            let text = serde_json::to_string(&tracker.save()).unwrap();
+            let saved: SavedTracker = serde_json::from_str(&text).unwrap();
+            let mut other = saved.spec().build(Engine::default()).unwrap();
+            other.restore(saved).unwrap();
+            for p in &plots[cut..] {
+                assert_eq!(tracker.push(p).unwrap(), other.push(p).unwrap());
+            }
+        }
+    }
+}
+
+#[test]
+fn other_versions_and_other_specifications_are_refused() {
+    let tracker = spec("particle", "constant-velocity", 2).build(Engine::default()).unwrap();
+    let text = serde_json::to_string(&tracker.save()).unwrap();
+    let newer = text.replacen("\"version\":1", "\"version\":2", 1);
+    let refusal = serde_json::from_str::<SavedTracker>(&newer).unwrap_err().to_string();
+    assert!(refusal.contains("saved in version 2; this program reads 1"), "{refusal}");
+    let mut other = spec("particle", "singer", 2).build(Engine::default()).unwrap();
+    assert!(other.restore(tracker.save()).unwrap_err().to_string().contains("another configuration"));
+}
+
+#[test]
+fn silence_ends_a_track_and_old_plots_are_not_used() {
+    let mut tracker = spec("particle", "constant-velocity", 2).build(Engine::default()).unwrap();
+    let mut push = |secs: f64| tracker.push(&plot("a", secs, Reading::Position2([0.0, 0.0]))).unwrap();
+    assert_eq!(push(0.0).event, Event::Started);
+    assert_eq!(push(300.0).event, Event::Updated);
+    let row = push(86_700.0);
+    assert_eq!((row.event, &*row.id), (Event::Started, "a#2"));
+    let before = push(86_701.0);
+    let late = push(86_699.0);
+    assert_eq!((late.event, late.time, &late.mean), (Event::OutOfOrder, before.time, &before.mean));
+    // Repeated times are updates over no time.
+    assert_eq!(push(86_701.0).event, Event::Updated);
+}
+
+#[test]
+fn wild_plots_are_gated_and_lost_clouds_start_anew() {
+    let mut gated = spec("particle", "constant-velocity", 2);
+    gated.sensors.get_mut(DEFAULT_SENSOR).unwrap().gate = Some(0.999);
+    let path = |k: usize, jump: f64| plot("a", k as f64, Reading::Position2([10.0 * k as f64 + jump, 0.0]));
+    let follow = |spec: &TrackerSpec, last: usize| {
+        let mut plots: Vec<Plot> = (0..10).map(|k| path(k, 0.0)).collect();
+        plots.extend((10..=last).map(|k| path(k, 5000.0)));
+        rows(spec, Engine::default(), &plots)
+    };
+    let row = follow(&gated, 10).pop().unwrap();
+    assert_eq!(row.event, Event::Gated);
+    assert!(row.mean[0] < 200.0 && row.update.unwrap().outcome == crate::filter::Outcome::Gated);
+    // A narrow noise and few particles: the jump is beyond all of them.
+    let mut open = spec("particle", "constant-velocity", 2);
+    open.sensors.get_mut(DEFAULT_SENSOR).unwrap().position_sd_m = Some(0.1);
+    let rows = follow(&open, 14);
+    let restarted = rows.iter().position(|row| row.event == Event::Restarted).unwrap();
+    assert!((10..=13).contains(&restarted));
+    assert!((rows[14].mean[0] - 5140.0).abs() < 1.0, "{:?}", rows[14]);
+}
+
+#[test]
+fn bearings_start_where_the_configuration_says() {
+    let mut spec = spec("particle", "constant-velocity", 2);
+    let first = plot("a", 0.0, Reading::Bearing(0.2));
+    let row = spec.build(Engine::default()).unwrap().push(&first).unwrap();
+    assert_eq!((row.event, row.mean.len()), (Event::Waiting, 0));
+    spec.start.position = Some(([0.0; 3], 50.0));
+    let row = spec.build(Engine::default()).unwrap().push(&first).unwrap();
+    assert_eq!(row.event, Event::Started);
+    // The bearing was used: seen from (-100, 20) it lifts the mean above the line of bearing zero.
+    assert!(row.update.unwrap().log_evidence < 0.0 && row.mean[1] > 20.0);
+}
+
+#[test]
+fn one_particle_is_enough() {
+    let mut spec = spec("particle", "constant-velocity", 2);
+    spec.filter.particles = 1;
+    for row in rows(&spec, Engine::default(), &two_targets(10)) {
+        assert!(row.mean.iter().chain(&row.covariance).all(|v| v.is_finite()));
+    }
+}
+
+/// 400 positions of a path drawn from the model. Standard error of ln sd is about 1 / sqrt(2 x 800) = 0.025 for the
+/// measurement if all innovations told of it alone; of two numbers that share the innovations each is known at best
+/// three times worse, so 0.3 is four standard errors.
+#[test]
+fn noises_are_learnt_from_a_recording_that_has_them() {
+    let (sd, wander) = (4.0, 0.7);
+    let motion = ConstantVelocity::<2>::new(wander * wander).unwrap();
+    let times: Vec<Time> = (0..400).map(|k| Time::from_secs(f64::from(k))).collect();
+    let path = simulate::path(&motion, [0.0, 0.0, 9.0, -3.0], &times, Stream::new(5)).unwrap();
+    let mut draws = Stream::new(6).draws(Purpose::Other, 0, 0);
+    let plots: Vec<Plot> = times
+        .iter()
+        .zip(&path)
+        .map(|(time, x)| {
+            let z = [x[0] + sd * draws.normal(), x[1] + sd * draws.normal()];
+            plot("a", time.secs(), Reading::Position2(z))
+        })
+        .collect();
+    let mut spec = TrackerSpec::new("particle", "constant-velocity");
+    spec.sensors.insert(DEFAULT_SENSOR.to_owned(), SensorSpec::default());
+    let unknown = [Unknown::Sensor(DEFAULT_SENSOR.to_owned(), Noise::Position), Unknown::Motion];
+    let learnt = learn(&spec, &unknown, &plots).unwrap();
+    for (found, truth) in learnt.values.iter().zip([sd, wander]) {
+        assert!((found / truth).ln().abs() < 0.3, "{found} {truth}");
+    }
+    assert_eq!((learnt.plots, learnt.targets, learnt.heavy_tails), (400, 1, None));
+    // Deterministic, and refused where there is nothing to learn from.
+    assert_eq!(learn(&spec, &unknown, &plots).unwrap().values, learnt.values);
+    assert!(learn(&spec, &unknown, &plots[..1]).is_err());
+}
+
+#[test]
+fn hashes_are_those_of_the_standard() {
+    // Test vectors of draft-eastlake-fnv: FNV-1a, 64 bits.
+    assert_eq!(stable_hash(""), 0xcbf2_9ce4_8422_2325);
+    assert_eq!(stable_hash("a"), 0xaf63_dc4c_8601_ec8c);
+    assert_eq!(stable_hash("foobar"), 0x8594_4171_f739_67e8);
+}
+
+/// The tracker does with one target what the filter does.
+#[test]
+fn the_edge_computes_what_the_inside_does() {
+    let spec = spec("kalman", "constant-velocity", 2);
+    let plots: Vec<Plot> = two_targets(20).into_iter().filter(|p| p.id.as_deref() == Some("a")).collect();
+    let rows = rows(&spec, Engine::default(), &plots);
+    let prior = {
+        let Reading::Position2([x, y]) = plots[0].reading else { panic!() };
+        crate::belief::Gaussian::independent([x, y, 0.0, 0.0], [2.0, 2.0, 30.0, 30.0]).unwrap()
+    };
+    let sensor = crate::model::measurement::Position::<2>::new(2.0).unwrap();
+    let motion = ConstantVelocity::<2>::new(0.25).unwrap();
+    let filter = crate::filter::Kalman::new(motion, sensor, prior).unwrap();
+    let mut belief = filter.start(plots[0].time, Stream::new(1)).unwrap();
+    for (plot, row) in plots.iter().zip(&rows).skip(1) {
+        let Reading::Position2(z) = plot.reading else { panic!() };
+        let update = filter.step(&mut belief, plot.time, Some(&z)).unwrap();
+        assert_eq!((row.update, &row.mean[..]), (Some(update), &belief.state.mean()[..]));
+    }
+}
+
+proptest! {
+    /// Whatever is pushed: a row or a refusal, and numbers that are numbers.
+    #[test]
+    fn any_plot_is_taken_or_refused(
+        steps in prop::collection::vec((0usize..7, prop::num::f64::ANY, -3.0e3..3.0e3, -4.0..4.0, -5.0..400.0), 1..25),
+        filter in 0usize..4,
+    ) {
+        let mut spec = spec(["ekf", "ukf", "particle", "sis"][filter], "constant-velocity", 2);
+        spec.filter.particles = 40;
+        let mut tracker = spec.build(Engine::default()).unwrap();
+        let mut time: f64 = 0.0;
+        for (kind, wild, near, angle, dt) in steps {
+            time += dt;
+            let reading = match kind {
+                0 => Reading::Position2([near, near]),
+                1 => Reading::RangeBearing([f64::abs(near), angle]),
+                2 => Reading::Bearing(angle),
+                3 => Reading::Range(wild),
+                4 => Reading::RangeRate(near),
+                5 => Reading::Position2([wild, near]),
+                _ => Reading::RangeBearing([near, wild]),
+            };
+            if let Ok(row) = tracker.push(&plot("a", time, reading)) {
+                prop_assert!(row.mean.iter().chain(&row.covariance).all(|v| v.is_finite()));
+            }
+        }
+    }
+}
