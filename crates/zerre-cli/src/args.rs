@@ -109,7 +109,11 @@ pub enum Command {
     Compare(Compare),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
-    Bench,
+    Bench {
+        /// A tenth of a second per workload instead of two seconds: coarse figures
+        #[arg(long)]
+        quick: bool,
+    },
     /// List what there is to choose from, with one line each
     #[command(after_help = CATALOG)]
     Catalog {
@@ -217,6 +221,7 @@ pub struct Compare {
 const BENCH: &str = "\
 Examples:
   zerre bench
+  zerre bench --quick
   zerre bench --threads 1 --json > bench.json
 
 Times are nanoseconds per particle and step; a quiet machine gives steady ones.";

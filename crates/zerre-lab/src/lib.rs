@@ -4,6 +4,7 @@
 //! program, are scored, judged and drawn in the same way.
 
 pub mod assignment;
+pub mod bench;
 pub mod consistency;
 mod distribution;
 pub mod error;

@@ -1,4 +1,11 @@
-use std::time::Instant;
+unsafe extern "C" {
+    fn clock_gettime(id: i32, t: *mut [i64; 2]) -> i32;
+}
+fn cpu() -> u64 {
+    let mut t = [0i64; 2];
+    unsafe { clock_gettime(3, &mut t) };
+    (t[0] * 1_000_000_000 + t[1]) as u64
+}
 use zerre::Time;
 use zerre::belief::Gaussian;
 use zerre::filter::{Filter, ParticleFilter, Settings};
@@ -20,8 +27,19 @@ fn main() {
     let n: usize = a[1].parse().unwrap();
     let reps: usize = a.get(2).map_or(7, |s| s.parse().unwrap());
     for simd in Simd::available() {
+        if let Some(s) = a.get(3) {
+            if s != simd.name() {
+                continue;
+            }
+        }
         for generator in [Generator::Philox, Generator::Xoshiro] {
+            if a.len() > 4 && generator != Generator::Philox {
+                continue;
+            }
             for resolution in [Resolution::Bits32, Resolution::Bits64] {
+                if a.len() > 4 && resolution != Resolution::Bits32 {
+                    continue;
+                }
                 if simd.name() == "scalar" && n > 10000 {
                     continue;
                 }
@@ -42,7 +60,7 @@ fn main() {
                 let (mut ns, mut rmse, mut dref, mut ev) = (vec![], 0.0, 0.0, 0.0);
                 for r in 0..reps {
                     let mut b = f.start(Time::ZERO, Stream::new(1000 + r as u64)).unwrap();
-                    let t = Instant::now();
+                    let t = cpu();
                     let (mut e, mut d) = (0.0, 0.0);
                     for (k, row) in data.iter().enumerate() {
                         let u = f.step(&mut b, Time::from_secs(k as f64), Some(&[row[4], row[5]])).unwrap();
@@ -51,7 +69,7 @@ fn main() {
                         e += (m[0] - row[0]).powi(2) + (m[1] - row[1]).powi(2);
                         d += (m[0] - reference[k][0]).powi(2) + (m[1] - reference[k][1]).powi(2);
                     }
-                    ns.push(t.elapsed().as_nanos() as f64 / (n as f64 * 100.0));
+                    ns.push((cpu() - t) as f64 / (n as f64 * 100.0));
                     rmse += (e / 100.0).sqrt() / reps as f64;
                     dref += (d / 100.0).sqrt() / reps as f64;
                 }

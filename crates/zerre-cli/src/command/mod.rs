@@ -1,11 +1,12 @@
 //! The commands.
 
+mod bench;
 mod catalog;
 mod init;
 mod schema;
 
 use crate::Exit;
-use crate::args::{Args, Command};
+use crate::args::{Args, Command, Global, Simd};
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
 
@@ -22,7 +23,8 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Catalog { kind } => catalog::run(kind.as_deref(), console),
         Command::Schema { kind } => schema::run(kind, console),
         Command::Init { kind } => init::run(kind, &args.global, console),
-        Command::Track(_) | Command::Simulate(_) | Command::Compare(_) | Command::Bench => {
+        Command::Bench { quick } => bench::run(&args.global, *quick, console),
+        Command::Track(_) | Command::Simulate(_) | Command::Compare(_) => {
             Err(Diagnostic::new("this build holds no engine to run the command"))
         }
     }
@@ -31,4 +33,20 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
 /// Refuses an argument that is none of `known`: wrong usage.
 fn unknown(what: &str, name: &str, known: &[&str]) -> Diagnostic {
     suggest(Diagnostic::usage(format!("there is no {what} `{name}`")), name, known)
+}
+
+/// The SIMD level that the options ask for.
+fn simd(global: &Global) -> Result<zerre::kernels::Simd, Diagnostic> {
+    use zerre::kernels::Simd as Engine;
+    let name = match global.simd {
+        Simd::Auto => return Ok(Engine::best()),
+        Simd::Scalar => "scalar",
+        Simd::Avx2 => "avx2",
+        Simd::Avx512 => "avx512",
+        Simd::Neon => "neon",
+    };
+    Engine::named(name).ok_or_else(|| {
+        let has: Vec<_> = Engine::available().into_iter().map(Engine::name).collect();
+        Diagnostic::new(format!("this processor has no {name}")).help(format!("it has {}", has.join(", ")))
+    })
 }

@@ -4,7 +4,9 @@
 use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
-use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, SharedColumns, Simd, Threads, Total};
+use crate::kernels::{
+    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, SharedColumns, Simd, Survivors, Threads, Total,
+};
 use crate::math::{Cholesky, Real};
 use crate::model::{Likelihood, Motion};
 use crate::resample::{BlockWeights, Context, Resampling, Trigger};
@@ -122,8 +124,7 @@ where
         if !in_place {
             std::mem::swap(&mut cloud.states, &mut cloud.spare);
         }
-        let from = cloud.spare.each_ref().map(Vec::as_slice);
-        let ancestors = &cloud.ancestors;
+        let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
         let states = SharedColumns::new(cloud.states.each_mut().map(Vec::as_mut_slice));
         let scores = SharedColumns::new([&mut cloud.scores, &mut cloud.weights]);
         let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
@@ -131,14 +132,15 @@ where
             let (first, last) = (b * BLOCK, ((b + 1) * BLOCK).min(n));
             // SAFETY: every block is visited once, and blocks do not overlap.
             let mut states = unsafe { states.range(first, last) };
-            if !in_place {
-                kernels::gather(&from, &ancestors[first..last], &mut states);
-            }
+            // SAFETY: resampling writes indices of particles, and loading checks them.
+            let survivors = (!in_place).then(|| unsafe { survivors.block(first, last) });
             if let Some(step) = step {
                 let mut noise = NoiseBlock::<W>::new();
                 let key = NoiseKey { stream, step: number, block: b };
                 kernels::fill_noise(simd, source, law, key, last - first, &mut noise);
-                kernels::propagate::<N, W, M>(simd, step, &noise, &mut states);
+                kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
+            } else if let Some(survivors) = survivors {
+                kernels::gather(survivors, &mut states);
             }
             let states = states.each_ref().map(|c| &**c);
             // SAFETY: as above.
@@ -158,11 +160,10 @@ where
         let n = cloud.len();
         let scale = self.settings.roughening * Real::exp(-Real::ln(n as f64) / N as f64);
         std::mem::swap(&mut cloud.states, &mut cloud.spare);
-        kernels::gather(
-            &cloud.spare.each_ref().map(Vec::as_slice),
-            &cloud.ancestors,
-            &mut cloud.states.each_mut().map(Vec::as_mut_slice),
-        );
+        let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
+        // SAFETY: resampling writes indices of particles, and loading checks them.
+        let survivors = unsafe { survivors.block(0, n) };
+        kernels::gather(survivors, &mut cloud.states.each_mut().map(Vec::as_mut_slice));
         cloud.pending = false;
         let sd: [f64; N] = std::array::from_fn(|k| {
             let column = &cloud.states[k];

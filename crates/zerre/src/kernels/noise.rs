@@ -13,6 +13,7 @@ use crate::model::Noise;
 use crate::rng::{Purpose, Stream};
 use fearless_simd::{Simd as Token, f32x16, i32x16, prelude::*, u32x16, u64x8};
 use serde::{Deserialize, Serialize};
+use std::mem::MaybeUninit;
 
 /// Resolution of standard normal process noise. States and weights are `f64` in either case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,17 +48,24 @@ pub struct NoiseSource {
     pub resolution: Resolution,
 }
 
-/// Noise of one block: `W` rows of `width` numbers.
+/// Noise of one block: `W` rows of `width` numbers, in single or double precision.
 pub(crate) struct NoiseBlock<const W: usize> {
-    single: [[f32; BLOCK]; W],
-    double: [[f64; BLOCK]; W],
+    /// Written by [`fill_noise`] before it is read: zeroing it first costs as much as moving the particles.
+    numbers: MaybeUninit<Numbers<W>>,
     pub(super) width: usize,
     pub(super) is_double: bool,
 }
 
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+union Numbers<const W: usize> {
+    single: [[f32; BLOCK]; W],
+    double: [[f64; BLOCK]; W],
+}
+
 impl<const W: usize> NoiseBlock<W> {
     pub(crate) fn new() -> Self {
-        NoiseBlock { single: [[0.0; BLOCK]; W], double: [[0.0; BLOCK]; W], width: BLOCK, is_double: false }
+        NoiseBlock { numbers: MaybeUninit::uninit(), width: 0, is_double: false }
     }
 
     /// Component `row` of particle `i` of the block.
@@ -66,14 +74,36 @@ impl<const W: usize> NoiseBlock<W> {
         if self.is_double { self.double()[at] } else { f64::from(self.single()[at]) }
     }
 
+    /// The numbers that [`fill_noise`] wrote in single precision; none if it wrote in double.
     #[inline(always)]
     pub(super) fn single(&self) -> &[f32] {
-        self.single.as_flattened()
+        let len = if self.is_double { 0 } else { W * self.width };
+        // SAFETY: `fill_noise` wrote as many, and any bits are a number.
+        unsafe { std::slice::from_raw_parts(self.numbers.as_ptr().cast(), len) }
     }
 
+    /// The numbers that [`fill_noise`] wrote in double precision; none if it wrote in single.
     #[inline(always)]
     pub(super) fn double(&self) -> &[f64] {
-        self.double.as_flattened()
+        let len = if self.is_double { W * self.width } else { 0 };
+        // SAFETY: as above.
+        unsafe { std::slice::from_raw_parts(self.numbers.as_ptr().cast(), len) }
+    }
+
+    /// Memory for `W` rows of `width` single-precision numbers; every one must be written.
+    fn single_mut(&mut self, width: usize) -> &mut [f32] {
+        assert!(width <= BLOCK);
+        (self.width, self.is_double) = (width, false);
+        // SAFETY: inside the union; the slice is only written before it is read.
+        unsafe { std::slice::from_raw_parts_mut(self.numbers.as_mut_ptr().cast(), W * width) }
+    }
+
+    /// Memory for `W` rows of `width` double-precision numbers; every one must be written.
+    fn double_mut(&mut self, width: usize) -> &mut [f64] {
+        assert!(width <= BLOCK);
+        (self.width, self.is_double) = (width, true);
+        // SAFETY: as above.
+        unsafe { std::slice::from_raw_parts_mut(self.numbers.as_mut_ptr().cast(), W * width) }
     }
 }
 
@@ -94,13 +124,11 @@ pub(crate) fn fill_noise<const W: usize>(
     count: usize,
     noise: &mut NoiseBlock<W>,
 ) {
-    noise.width = count.div_ceil(64) * 64;
-    let numbers = W * noise.width;
+    let width = count.div_ceil(64) * 64;
     match law {
         Noise::StandardNormal => match source.resolution {
             Resolution::Bits32 => {
-                noise.is_double = false;
-                let out = &mut noise.single.as_flattened_mut()[..numbers];
+                let out = noise.single_mut(width);
                 match source.generator {
                     Generator::Philox => dispatch!(
                         level,
@@ -115,8 +143,7 @@ pub(crate) fn fill_noise<const W: usize>(
                 }
             }
             Resolution::Bits64 => {
-                noise.is_double = true;
-                let out = &mut noise.double.as_flattened_mut()[..numbers];
+                let out = noise.double_mut(width);
                 match source.generator {
                     Generator::Philox => dispatch!(
                         level,
@@ -132,13 +159,13 @@ pub(crate) fn fill_noise<const W: usize>(
             }
         },
         Noise::Gamma { shape } => {
-            noise.is_double = true;
-            let width = noise.width;
+            let out = noise.double_mut(width);
+            out.fill(0.0);
             let first = (key.block * BLOCK) as u32;
             for (i, particle) in (first..).take(count).enumerate() {
                 let mut draws = key.stream.draws(Purpose::Motion, key.step, particle);
                 for w in 0..W {
-                    noise.double.as_flattened_mut()[w * width + i] = draws.gamma(shape);
+                    out[w * width + i] = draws.gamma(shape);
                 }
             }
         }

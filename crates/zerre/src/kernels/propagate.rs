@@ -4,13 +4,69 @@ use super::noise::NoiseBlock;
 use super::{LANES, Simd};
 use crate::math::Lanes;
 use crate::model::Motion;
-use fearless_simd::{Simd as Token, f32x8, prelude::*};
+use fearless_simd::Simd as Token;
 
-/// Moves the particles of one block in place: `states[k][i] <- f(states[k][i], noise)`.
+/// The particles that survived the last resampling: particle `i` of the block comes from `from[k][ancestors[i]]`.
+#[derive(Clone, Copy)]
+pub(crate) struct Survivors<'a, const N: usize> {
+    from: [&'a [f64]; N],
+    ancestors: &'a [u32],
+}
+
+impl<'a, const N: usize> Survivors<'a, N> {
+    /// `ancestors` of all particles; each is an index into the columns `from`.
+    pub(crate) fn new(from: [&'a [f64]; N], ancestors: &'a [u32]) -> Self {
+        Survivors { from, ancestors }
+    }
+
+    /// Those of the particles `first..last`.
+    ///
+    /// # Safety
+    /// Every ancestor in the range is an index into the columns.
+    pub(crate) unsafe fn block(self, first: usize, last: usize) -> SurvivorBlock<'a, N> {
+        let ancestors = &self.ancestors[first..last];
+        debug_assert!(ancestors.iter().all(|&a| self.from.iter().all(|c| (a as usize) < c.len())));
+        SurvivorBlock { from: self.from, ancestors }
+    }
+}
+
+/// Survivors of one block, their indices vouched for.
+#[derive(Clone, Copy)]
+pub(crate) struct SurvivorBlock<'a, const N: usize> {
+    from: [&'a [f64]; N],
+    ancestors: &'a [u32],
+}
+
+impl<const N: usize> SurvivorBlock<'_, N> {
+    #[inline(always)]
+    fn lanes<S: Token>(&self, simd: S, i: usize) -> [Lanes<S>; N] {
+        let a = &self.ancestors[i..i + LANES];
+        let mut x = [Lanes::splat(simd, 0.0); N];
+        for k in 0..N {
+            let column = self.from[k];
+            let mut eight = [0.0; LANES];
+            for j in 0..LANES {
+                // SAFETY: `Survivors::block` vouches for the indices.
+                eight[j] = unsafe { *column.get_unchecked(a[j] as usize) };
+            }
+            x[k] = Lanes::load(simd, &eight);
+        }
+        x
+    }
+
+    #[inline(always)]
+    fn one(&self, i: usize) -> [f64; N] {
+        self.from.map(|c| c[self.ancestors[i] as usize])
+    }
+}
+
+/// Moves the particles of one block: `states[k][i] <- f(x_i, noise)`, x_i being the survivor `i` where there was
+/// resampling, otherwise `states[..][i]` itself.
 pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
     level: Simd,
     step: &M::Step,
     noise: &NoiseBlock<W>,
+    survivors: Option<SurvivorBlock<'_, N>>,
     states: &mut [&mut [f64]; N],
 ) {
     #[inline(always)]
@@ -18,64 +74,107 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
         simd: S,
         step: &M::Step,
         noise: &NoiseBlock<W>,
+        survivors: Option<SurvivorBlock<'_, N>>,
         states: &mut [&mut [f64]; N],
     ) {
         let count = states[0].len();
-        let mut i = 0;
-        while i + LANES <= count {
-            let x = std::array::from_fn(|k| Lanes::load(simd, &states[k][i..i + LANES]));
-            let w = std::array::from_fn(|k| noise_lanes(simd, noise, k, i));
-            let y = M::apply(step, x, w);
-            for k in 0..N {
-                y[k].store(&mut states[k][i..i + LANES]);
+        let whole = count / LANES * LANES;
+        assert!(states.iter().all(|c| c.len() == count) && count <= noise.width);
+        // Local copies of the column pointers: the stores below could otherwise alias them.
+        let columns = states.each_mut().map(|c| c.as_mut_ptr());
+        match survivors {
+            Some(survivors) => {
+                for i in (0..whole).step_by(LANES) {
+                    let y = M::apply(step, survivors.lanes(simd, i), noise_lanes(simd, noise, i));
+                    for k in 0..N {
+                        // SAFETY: `whole` eights lie inside every column.
+                        y[k].store(unsafe { std::slice::from_raw_parts_mut(columns[k].add(i), LANES) });
+                    }
+                }
             }
-            i += LANES;
+            None => {
+                for i in (0..whole).step_by(LANES) {
+                    let mut x = [Lanes::splat(simd, 0.0); N];
+                    for k in 0..N {
+                        // SAFETY: as above.
+                        x[k] = Lanes::load(simd, unsafe {
+                            std::slice::from_raw_parts(columns[k].add(i), LANES)
+                        });
+                    }
+                    let y = M::apply(step, x, noise_lanes(simd, noise, i));
+                    for k in 0..N {
+                        // SAFETY: as above.
+                        y[k].store(unsafe { std::slice::from_raw_parts_mut(columns[k].add(i), LANES) });
+                    }
+                }
+            }
         }
-        if i < count {
-            let x = std::array::from_fn(|k| load_part(simd, &states[k][i..]));
-            let w = std::array::from_fn(|k| noise_lanes(simd, noise, k, i));
-            let y = M::apply(step, x, w);
+        if whole < count {
+            if let Some(survivors) = &survivors {
+                gather_tail(survivors, whole, states);
+            }
+            let mut x = [Lanes::splat(simd, 0.0); N];
             for k in 0..N {
-                store_part(y[k], &mut states[k][i..]);
+                x[k] = load_part(simd, &states[k][whole..]);
+            }
+            let y = M::apply(step, x, noise_lanes(simd, noise, whole));
+            for k in 0..N {
+                store_part(y[k], &mut states[k][whole..]);
             }
         }
     }
     fn naive<const N: usize, const W: usize, M: Motion<N, W>>(
         step: &M::Step,
         noise: &NoiseBlock<W>,
+        survivors: Option<SurvivorBlock<'_, N>>,
         states: &mut [&mut [f64]; N],
     ) {
         for i in 0..states[0].len() {
-            let x = std::array::from_fn(|k| states[k][i]);
+            let x = survivors.map_or_else(|| std::array::from_fn(|k| states[k][i]), |s| s.one(i));
             let y = M::apply(step, x, std::array::from_fn(|k| noise.number(k, i)));
             for k in 0..N {
                 states[k][i] = y[k];
             }
         }
     }
-    dispatch!(level, simd => run::<N, W, M, _>(simd, step, noise, states), naive => naive::<N, W, M>(step, noise, states));
+    dispatch!(
+        level,
+        simd => run::<N, W, M, _>(simd, step, noise, survivors, states),
+        naive => naive::<N, W, M>(step, noise, survivors, states)
+    );
 }
 
-/// `to[k][i] <- from[k][ancestors[i]]`. Every ancestor is below the length of the columns.
-pub(crate) fn gather<const N: usize>(from: &[&[f64]; N], ancestors: &[u32], to: &mut [&mut [f64]; N]) {
-    let len = from[0].len();
-    assert!(from.iter().all(|c| c.len() == len) && to.iter().all(|c| c.len() == ancestors.len()));
-    for (from, to) in from.iter().zip(to.iter_mut()) {
-        for (to, &a) in to.iter_mut().zip(ancestors) {
-            *to = from[a as usize];
+/// `states[k][i] <- survivor i`, without moving.
+pub(crate) fn gather<const N: usize>(survivors: SurvivorBlock<'_, N>, states: &mut [&mut [f64]; N]) {
+    gather_tail(&survivors, 0, states);
+}
+
+#[inline(always)]
+fn gather_tail<const N: usize>(survivors: &SurvivorBlock<'_, N>, first: usize, states: &mut [&mut [f64]; N]) {
+    for i in first..states[0].len() {
+        let x = survivors.one(i);
+        for k in 0..N {
+            states[k][i] = x[k];
         }
     }
 }
 
+/// Noise of eight particles. Loops instead of `array::from_fn` here and below: a closure may fail to be inlined.
 #[inline(always)]
-fn noise_lanes<const W: usize, S: Token>(simd: S, noise: &NoiseBlock<W>, row: usize, i: usize) -> Lanes<S> {
-    let at = row * noise.width + i;
-    if noise.is_double {
-        Lanes::load(simd, &noise.double()[at..at + LANES])
-    } else {
-        let (a, b) = simd.widen_f32x8(f32x8::from_slice(simd, &noise.single()[at..at + LANES]));
-        Lanes(a.combine(b))
+fn noise_lanes<const W: usize, S: Token>(simd: S, noise: &NoiseBlock<W>, i: usize) -> [Lanes<S>; W] {
+    let mut w = [Lanes::splat(simd, 0.0); W];
+    for k in 0..W {
+        let at = k * noise.width + i;
+        // SAFETY: rows are as wide as the block, whole eights of it, and at least as wide as the columns.
+        w[k] = unsafe {
+            if noise.is_double {
+                Lanes::load(simd, noise.double().get_unchecked(at..at + LANES))
+            } else {
+                Lanes::widen(simd, noise.single().get_unchecked(at..at + LANES))
+            }
+        };
     }
+    w
 }
 
 /// Fewer than eight numbers, filled up with copies of the first.

@@ -1,6 +1,6 @@
 //! Resampling as indices: where the cumulative weights pass the positions of the draws.
 
-use super::{LANES, Simd};
+use super::{BLOCK, LANES, Simd};
 use crate::math::{Lanes, Real};
 use fearless_simd::{Simd as Token, f64x8, prelude::*, u64x8};
 
@@ -53,11 +53,32 @@ pub(crate) fn prefix_sums(level: Simd, weights: &[f64], factor: f64, before: f64
 /// Inclusive prefix sums of eight lanes, in three steps of distance 1, 2, 4.
 #[inline(always)]
 fn prefix<S: Token>(simd: S, x: Lanes<S>) -> Lanes<S> {
-    let zero = f64x8::splat(simd, 0.0);
-    let x = x.0;
-    let x = x + simd.slide_f64x8::<7>(zero, x);
-    let x = x + simd.slide_f64x8::<6>(zero, x);
-    Lanes(x + simd.slide_f64x8::<4>(zero, x))
+    let x = x + shift::<S, 1, 7>(simd, x);
+    let x = x + shift::<S, 2, 6>(simd, x);
+    x + shift::<S, 4, 4>(simd, x)
+}
+
+/// Every lane moved up by `BY` places; zeros move in. `REST` is 8 - `BY`.
+#[inline(always)]
+fn shift<S: Token, const BY: i64, const REST: usize>(simd: S, x: Lanes<S>) -> Lanes<S> {
+    #[cfg(target_arch = "x86_64")]
+    if let fearless_simd::Level::Avx512(token) = simd.level() {
+        use std::arch::x86_64::{__m512d, _mm512_maskz_permutexvar_pd, _mm512_set_epi64};
+        // The portable slide becomes an expansion, which some processors run in microcode; a permutation is fast on all.
+        fearless_simd::kernel!(
+            #[inline(always)]
+            fn permute(avx512: Avx512, x: __m512d, by: i64) -> __m512d {
+                let from = _mm512_set_epi64(7 - by, 6 - by, 5 - by, 4 - by, 3 - by, 2 - by, 1 - by, -by);
+                _mm512_maskz_permutexvar_pd(0xffu8 << by, from, x)
+            }
+        );
+        let lanes: [f64; LANES] = x.0.into();
+        let lanes: f64x8<_> = lanes.simd_into(token);
+        let moved: f64x8<_> = permute(token, lanes.into(), BY).simd_into(token);
+        let moved: [f64; LANES] = moved.into();
+        return Lanes(moved.simd_into(simd));
+    }
+    Lanes(simd.slide_f64x8::<REST>(f64x8::splat(simd, 0.0), x.0))
 }
 
 /// The twin of [`prefix`]: the same additions in the same order; missing weights are zero.
@@ -93,34 +114,14 @@ pub(crate) enum Positions<'a> {
 
 impl Positions<'_> {
     /// How many positions lie below the cumulative weight `c`, with `per_weight` draws for a weight of 1.
-    pub(crate) fn below(self, c: f64, per_weight: f64) -> u64 {
+    pub(crate) fn below(self, c: f64, per_weight: f64) -> f64 {
         match self {
-            Positions::Systematic { offset } => Real::mul_add(c, per_weight, -offset).ceil().max(0.0) as u64,
+            Positions::Systematic { offset } => Real::mul_add(c, per_weight, -offset).ceil(),
             Positions::Stratified { offsets } => {
                 let t = c * per_weight;
-                let cell = (t as usize).min(offsets.len() - 1);
-                cell as u64 + u64::from(offsets[cell] < t - cell as f64)
-            }
-        }
-    }
-
-    /// [`Positions::below`] of eight cumulative weights.
-    #[inline(always)]
-    fn below_lanes<S: Token>(self, simd: S, c: Lanes<S>, per_weight: f64) -> [u64; LANES] {
-        match self {
-            Positions::Systematic { offset } => {
-                let t = c.mul_add(Lanes::splat(simd, per_weight), Lanes::splat(simd, -offset));
-                to_integers(simd, Lanes(simd.ceil_f64x8(t.0)).max(Lanes::splat(simd, 0.0)))
-            }
-            Positions::Stratified { offsets } => {
-                let t = c * per_weight;
-                let floor = Lanes(simd.floor_f64x8(t.0));
-                let cells = to_integers(simd, floor);
-                let last = offsets.len() - 1;
-                let u: [f64; LANES] = std::array::from_fn(|j| offsets[(cells[j] as usize).min(last)]);
-                let one = Lanes::splat(simd, 1.0);
-                let next = Lanes::load(simd, &u).if_lt(t - floor, floor + one, floor);
-                to_integers(simd, next)
+                let cell = t.floor();
+                let u = offsets[(cell as usize).min(offsets.len() - 1)];
+                if u < t - cell { cell + 1.0 } else { cell }
             }
         }
     }
@@ -145,50 +146,48 @@ pub(crate) fn fill_sorted(
         at: Cumulative,
         positions: Positions<'_>,
         per_weight: f64,
-        mut take: impl FnMut(usize, &[u64]),
+        ends: &mut [u64],
     ) {
-        let mut carry = at.before;
-        for (i, eight) in weights.chunks(LANES).enumerate() {
-            let sums = prefix(simd, load_zeros(simd, eight))
-                .mul_add(Lanes::splat(simd, at.factor), Lanes::splat(simd, carry));
-            let below = positions.below_lanes(simd, sums, per_weight);
-            carry = last_lane(sums);
-            take(i * LANES, &below[..eight.len()]);
+        match positions {
+            Positions::Systematic { offset } => count_below(simd, weights, at, ends, |c| {
+                let t = c.mul_add(Lanes::splat(simd, per_weight), Lanes::splat(simd, -offset));
+                Lanes(simd.ceil_f64x8(t.0))
+            }),
+            Positions::Stratified { offsets } => count_below(simd, weights, at, ends, |c| {
+                let t = c * per_weight;
+                let cell = Lanes(simd.floor_f64x8(t.0));
+                let u = gather_offsets(simd, offsets, cell);
+                u.if_lt(t - cell, cell + 1.0, cell)
+            }),
         }
     }
-    fn naive(
-        weights: &[f64],
-        at: Cumulative,
-        positions: Positions<'_>,
-        per_weight: f64,
-        mut take: impl FnMut(usize, &[u64]),
-    ) {
+    fn naive(weights: &[f64], at: Cumulative, positions: Positions<'_>, per_weight: f64, ends: &mut [u64]) {
+        let (from, to) = (f64::from(at.draws.0), f64::from(at.draws.1));
         let mut carry = at.before;
-        for (i, eight) in weights.chunks(LANES).enumerate() {
+        for (eight, ends) in weights.chunks(LANES).zip(ends.chunks_mut(LANES)) {
             let sums = prefix_naive(eight).map(|sum| Real::mul_add(sum, at.factor, carry));
             carry = sums[LANES - 1];
-            take(i * LANES, &sums.map(|c| positions.below(c, per_weight))[..eight.len()]);
+            for (end, c) in ends.iter_mut().zip(sums) {
+                *end = (positions.below(c, per_weight).max(from).min(to) - from) as u64;
+            }
         }
     }
 
-    let (mut start, mut drawn) = (0, 0);
-    let last = ancestors.len() as u64;
-    let mut take = |i: usize, below: &[u64]| {
-        for (j, &b) in below.iter().enumerate() {
-            let end = b.saturating_sub(u64::from(at.draws.0)).min(last) as usize;
-            drawn += usize::from(end > start);
-            put(ancestors, start, end, first + (i + j) as u32);
-            start = start.max(end);
-        }
-    };
+    let mut ends = [0; BLOCK];
+    let ends = &mut ends[..weights.len()];
     dispatch!(
         level,
-        simd => run(simd, weights, at, positions, per_weight, &mut take),
-        naive => naive(weights, at, positions, per_weight, &mut take)
+        simd => run(simd, weights, at, positions, per_weight, ends),
+        naive => naive(weights, at, positions, per_weight, ends)
     );
+    let (start, mut drawn) = dispatch!(
+        level,
+        simd => write_ends(ends, first, ancestors, simd),
+        naive => write_ends(ends, first, ancestors, ())
+    );
+    // The block's sum and its cumulative sums round differently: a position at the very end may be left to nobody. It
+    // belongs to the last weight that is not zero.
     if start < ancestors.len() {
-        // The block's sum and its cumulative sums round differently: a position at the very end may be left to nobody.
-        // It belongs to the last weight that is not zero.
         let heir = first + weights.iter().rposition(|&w| w > 0.0).unwrap_or(0) as u32;
         drawn += usize::from(start == 0 || ancestors[start - 1] != heir);
         ancestors[start..].fill(heir);
@@ -196,45 +195,212 @@ pub(crate) fn fill_sorted(
     drawn
 }
 
+/// For each weight the number of positions below its cumulative weight, counted from the block's first draw.
 #[inline(always)]
-fn last_lane<S: Token>(x: Lanes<S>) -> f64 {
-    let mut a = [0.0; LANES];
-    x.store(&mut a);
-    a[LANES - 1]
+fn count_below<S: Token>(
+    simd: S,
+    weights: &[f64],
+    at: Cumulative,
+    ends: &mut [u64],
+    below: impl Fn(Lanes<S>) -> Lanes<S>,
+) {
+    let (from, to) = (Lanes::splat(simd, f64::from(at.draws.0)), Lanes::splat(simd, f64::from(at.draws.1)));
+    let factor = Lanes::splat(simd, at.factor);
+    let mut carry = Lanes::splat(simd, at.before);
+    let whole = weights.len() / LANES * LANES;
+    for i in (0..whole).step_by(LANES) {
+        let sums = prefix(simd, Lanes::load(simd, &weights[i..i + LANES])).mul_add(factor, carry);
+        carry = splat_last(simd, sums);
+        to_integers(below(sums).max(from).min(to) - from).store_slice(&mut ends[i..i + LANES]);
+    }
+    if whole < weights.len() {
+        let sums = prefix(simd, load_zeros(simd, &weights[whole..])).mul_add(factor, carry);
+        let all: [u64; LANES] = to_integers(below(sums).max(from).min(to) - from).into();
+        let rest = &mut ends[whole..];
+        rest.copy_from_slice(&all[..rest.len()]);
+    }
 }
 
-/// Writes `value` to `out[start..end]`; eight at once, whatever stands behind is overwritten by those that follow.
+/// Writes `first + i` from the end before it to `ends[i]`, for all `i`; returns the last end, and how many `i` wrote
+/// anything. The token only tells the compiler which instructions it may use.
 #[inline(always)]
-pub(crate) fn put(out: &mut [u32], start: usize, end: usize, value: u32) {
-    if start + LANES <= out.len() && end <= start + LANES {
+fn write_ends<T>(ends: &[u64], first: u32, out: &mut [u32], _: T) -> (usize, usize) {
+    let (mut start, mut drawn, mut i) = (0, 0, 0);
+    // Eight indices at once; what stands behind an end is overwritten by those that follow.
+    while i < ends.len() && start + LANES <= out.len() {
+        // Rounding may make a cumulative sum a little smaller than the one before.
+        let end = (ends[i] as usize).max(start);
+        let value = first + i as u32;
         out[start..start + LANES].fill(value);
-    } else if end > start {
-        out[start..end].fill(value);
-    }
-}
-
-/// Non-negative integer-valued lanes below 2^51 as integers.
-#[inline(always)]
-fn to_integers<S: Token>(simd: S, x: Lanes<S>) -> [u64; LANES] {
-    // Under the exponent of 2^52 the mantissa is the integer.
-    let bits: u64x8<S> = (x + 4_503_599_627_370_496.0).0.bitcast();
-    (bits & u64x8::splat(simd, 0x000f_ffff_ffff_ffff)).into()
-}
-
-/// For sorted `positions`, calls `hit(i)` for each with the first `i` such that position < cumulative[i]; the last
-/// `i` takes what is left. Free of branches that depend on the data.
-#[inline(always)]
-pub(crate) fn merge_sorted(cumulative: &[f64], positions: &[f64], scale: f64, out: &mut [u32]) {
-    let n = cumulative.len();
-    let (mut i, mut j) = (0, 0);
-    while j < positions.len() {
-        if i + 1 >= n {
-            out[j..positions.len()].fill((n - 1) as u32);
-            return;
+        if end > start + LANES {
+            out[start + LANES..end].fill(value);
         }
-        let falls = positions[j] * scale < cumulative[i];
-        out[j] = i as u32;
-        j += usize::from(falls);
-        i += usize::from(!falls);
+        drawn += usize::from(end != start);
+        start = end;
+        i += 1;
     }
+    for (i, &end) in ends.iter().enumerate().skip(i) {
+        let end = end as usize;
+        if end > start {
+            out[start..end].fill(first + i as u32);
+            drawn += 1;
+            start = end;
+        }
+    }
+    (start, drawn)
+}
+
+/// Non-negative integer-valued lanes below 2^51 as integers: under the exponent of 2^52 the mantissa is the integer.
+#[inline(always)]
+fn to_integers<S: Token>(x: Lanes<S>) -> u64x8<S> {
+    let bits: u64x8<S> = (x + 4_503_599_627_370_496.0).0.bitcast();
+    bits & u64x8::splat(bits.simd, 0x000f_ffff_ffff_ffff)
+}
+
+/// The offsets of eight strata.
+#[inline(always)]
+fn gather_offsets<S: Token>(simd: S, offsets: &[f64], cells: Lanes<S>) -> Lanes<S> {
+    let mut at = [0.0; LANES];
+    cells.store(&mut at);
+    let mut u = [0.0; LANES];
+    let last = offsets.len() - 1;
+    for j in 0..LANES {
+        u[j] = offsets[(at[j] as usize).min(last)];
+    }
+    Lanes::load(simd, &u)
+}
+
+/// The last lane in all lanes.
+#[inline(always)]
+fn splat_last<S: Token>(simd: S, x: Lanes<S>) -> Lanes<S> {
+    Lanes::splat(simd, x.0[LANES - 1])
+}
+
+/// What rounding of sums leaves below a whole number of copies counts as whole: equal weights are one copy each.
+const ALMOST_WHOLE: f64 = 1.0 + 1e-12;
+
+/// Splits `weights * share` into whole copies and fractions, and returns the number of copies.
+pub(crate) fn split_copies(
+    level: Simd,
+    weights: &[f64],
+    share: f64,
+    whole: &mut [u32],
+    fraction: &mut [f64],
+) -> u64 {
+    #[inline(always)]
+    fn run<T>(weights: &[f64], share: f64, whole: &mut [u32], fraction: &mut [f64], _: T) -> u64 {
+        let mut sum = 0;
+        for ((w, whole), fraction) in weights.iter().zip(whole).zip(fraction) {
+            let expected = w * share;
+            // Below 2^31 by the limit on the number of particles; the signed conversion is one instruction.
+            let copies = (expected * ALMOST_WHOLE) as i32;
+            *whole = copies as u32;
+            *fraction = (expected - f64::from(copies)).max(0.0);
+            sum += copies as u64;
+        }
+        sum
+    }
+    dispatch!(
+        level,
+        simd => run(weights, share, whole, fraction, simd),
+        naive => run(weights, share, whole, fraction, ())
+    )
+}
+
+/// Writes each index as often as it has copies; returns how many were written, and how many indices had any.
+pub(crate) fn expand_copies(level: Simd, copies: &[u32], first: u32, out: &mut [u32]) -> (usize, usize) {
+    let mut ends = [0; BLOCK];
+    let ends = &mut ends[..copies.len()];
+    let mut used = 0;
+    for (end, &copies) in ends.iter_mut().zip(copies) {
+        used += u64::from(copies);
+        *end = used;
+    }
+    let used = used as usize;
+    let (_, drawn) = dispatch!(
+        level,
+        simd => write_ends(ends, first, &mut out[..used], simd),
+        naive => write_ends(ends, first, &mut out[..used], ())
+    );
+    (used, drawn)
+}
+
+/// For each of the sorted `positions` (times `scale`) the first `i` such that it lies below `cumulative[i]`, or the last
+/// `i` if there is none. Both slices end with an infinity that is not part of the data.
+///
+/// Free of branches that depend on the data; several merges run side by side, because each waits for its own loads.
+pub(crate) fn merge_sorted(cumulative: &[f64], positions: &[f64], scale: f64, out: &mut [u32]) {
+    const WAYS: usize = 4;
+    let (n, m) = (cumulative.len() - 1, positions.len() - 1);
+    let border = |q: usize| q * n / WAYS;
+    // Where the positions of each part begin; a part without weights has none.
+    let mut begin = [0; WAYS + 1];
+    begin[WAYS] = m;
+    for (q, begin) in begin.iter_mut().enumerate().take(WAYS).skip(1) {
+        let below = if border(q) == 0 { 0.0 } else { cumulative[border(q) - 1] };
+        *begin = positions[..m].partition_point(|p| p * scale < below);
+    }
+    let mut at: [(usize, usize); WAYS] = std::array::from_fn(|q| (border(q), begin[q]));
+    let steps: [usize; WAYS] =
+        std::array::from_fn(|q| (border(q + 1) - border(q)) + (begin[q + 1] - begin[q]));
+    let together = steps.iter().copied().min().unwrap_or(0);
+    for _ in 0..together {
+        for (i, j) in &mut at {
+            merge_step(cumulative, positions, scale, out, i, j);
+        }
+    }
+    for (q, (i, j)) in at.iter_mut().enumerate() {
+        for _ in together..steps[q] {
+            merge_step(cumulative, positions, scale, out, i, j);
+        }
+    }
+    // A part that is done writes once more, to the first place of the next part.
+    for q in 1..WAYS {
+        if begin[q] < m {
+            let target = positions[begin[q]] * scale;
+            out[begin[q]] = cumulative[..n].partition_point(|&c| c <= target).min(n - 1) as u32;
+        }
+    }
+    // Positions beyond the last sum, by rounding, belong to the last weight.
+    for a in out.iter_mut().rev().take_while(|a| **a as usize >= n) {
+        *a = (n - 1) as u32;
+    }
+}
+
+#[inline(always)]
+fn merge_step(
+    cumulative: &[f64],
+    positions: &[f64],
+    scale: f64,
+    out: &mut [u32],
+    i: &mut usize,
+    j: &mut usize,
+) {
+    let falls = positions[*j] * scale < cumulative[*i];
+    if let Some(out) = out.get_mut(*j) {
+        *out = *i as u32;
+    }
+    *j += usize::from(falls);
+    *i += usize::from(!falls);
+}
+
+/// Sum of weights and whether all of them are at least zero (false for NaN).
+pub(crate) fn checked_sum(level: Simd, weights: &[f64]) -> (f64, bool) {
+    #[inline(always)]
+    fn run<T>(weights: &[f64], _: T) -> (f64, bool) {
+        let (mut sums, mut good) = ([0.0; LANES], true);
+        let chunks = weights.chunks_exact(LANES);
+        for (sum, &w) in sums.iter_mut().zip(chunks.remainder()) {
+            *sum += w;
+            good &= w >= 0.0;
+        }
+        for eight in chunks {
+            for (sum, &w) in sums.iter_mut().zip(eight) {
+                *sum += w;
+                good &= w >= 0.0;
+            }
+        }
+        (sums.iter().sum(), good)
+    }
+    dispatch!(level, simd => run(weights, simd), naive => run(weights, ()))
 }

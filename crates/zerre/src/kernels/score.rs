@@ -20,16 +20,22 @@ pub(crate) fn score<const N: usize, H: Measurement<N>>(
         states: &[&[f64]; N],
         out: &mut [f64],
     ) {
-        let count = out.len();
-        let mut i = 0;
-        while i + LANES <= count {
-            let x = std::array::from_fn(|k| Lanes::load(simd, &states[k][i..i + LANES]));
+        let whole = out.len() / LANES * LANES;
+        // A local copy of the column slices: the stores below could otherwise alias them.
+        let states = *states;
+        assert!(states.iter().all(|c| c.len() == out.len()));
+        let mut x = [Lanes::splat(simd, 0.0); N];
+        for i in (0..whole).step_by(LANES) {
+            for k in 0..N {
+                x[k] = Lanes::load(simd, &states[k][i..i + LANES]);
+            }
             H::log_likelihood(given, x).store(&mut out[i..i + LANES]);
-            i += LANES;
         }
-        if i < count {
-            let x = std::array::from_fn(|k| load_part(simd, &states[k][i..]));
-            store_part(H::log_likelihood(given, x), &mut out[i..]);
+        if whole < out.len() {
+            for k in 0..N {
+                x[k] = load_part(simd, &states[k][whole..]);
+            }
+            store_part(H::log_likelihood(given, x), &mut out[whole..]);
         }
     }
     fn naive<const N: usize, H: Measurement<N>>(given: &H::Given<'_>, states: &[&[f64]; N], out: &mut [f64]) {

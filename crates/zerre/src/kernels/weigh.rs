@@ -137,17 +137,24 @@ fn run<const N: usize, S: Token>(
 ) -> BlockSums<N> {
     let count = scores.len();
     let whole = count / LANES * LANES;
-    let none = Lanes::splat(simd, f64::NEG_INFINITY);
-
-    // Four independent maxima hide the latency; the maximum does not depend on the order.
-    let mut max = [none; 4];
-    for i in (0..whole).step_by(LANES) {
-        let mut l = Lanes::load(simd, &scores[i..i + LANES]);
-        if let Some(old) = log_weights {
-            l = l + Lanes::load(simd, &old[i..i + LANES]);
-            l.store(&mut scores[i..i + LANES]);
+    // A local copy of the column slices: the stores below could otherwise alias them.
+    let states = *states;
+    assert!(weights.len() == count && states.iter().all(|c| c.len() == count));
+    let mut max = Lanes::splat(simd, f64::NEG_INFINITY);
+    match log_weights {
+        Some(old) => {
+            let old = &old[..count];
+            for i in (0..whole).step_by(LANES) {
+                let l = Lanes::load(simd, &scores[i..i + LANES]) + Lanes::load(simd, &old[i..i + LANES]);
+                l.store(&mut scores[i..i + LANES]);
+                max = max.max(l);
+            }
         }
-        max[i / LANES % 4] = max[i / LANES % 4].max(l);
+        None => {
+            for i in (0..whole).step_by(LANES) {
+                max = max.max(Lanes::load(simd, &scores[i..i + LANES]));
+            }
+        }
     }
     let mut tail = [f64::NEG_INFINITY; LANES];
     if whole < count {
@@ -159,11 +166,10 @@ fn run<const N: usize, S: Token>(
         tail[..count - whole].copy_from_slice(&scores[whole..]);
     }
     let tail = Lanes::load(simd, &tail);
-    let max = max[0].max(max[1]).max(max[2].max(max[3])).max(tail);
-    let max = fold(max, f64::max);
+    let max = fold(max.max(tail), f64::max);
     if max == f64::NEG_INFINITY {
         weights.fill(0.0);
-        return worthless(scores, states);
+        return worthless(scores, &states);
     }
 
     let zero = Lanes::splat(simd, 0.0);

@@ -2,7 +2,7 @@
 
 use super::elementary;
 use super::real::{Float, ROUND_MAGIC, Real, SQRT_HALF_BITS};
-use fearless_simd::{Simd, f64x8, i64x8, prelude::*, u64x8};
+use fearless_simd::{Simd, f32x8, f64x8, i64x8, prelude::*, u64x8};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Eight `f64` numbers on the SIMD level `S`; every lane has the bits that `f64` gives, on every level.
@@ -21,6 +21,12 @@ impl<S: Simd> Lanes<S> {
     #[inline(always)]
     pub(crate) fn load(simd: S, from: &[f64]) -> Self {
         Lanes(f64x8::from_slice(simd, &from[..8]))
+    }
+    /// The first eight single-precision numbers of `from`.
+    #[inline(always)]
+    pub(crate) fn widen(simd: S, from: &[f32]) -> Self {
+        let (low, high) = simd.widen_f32x8(f32x8::from_slice(simd, &from[..8]));
+        Lanes(low.combine(high))
     }
     #[inline(always)]
     pub(crate) fn store(self, to: &mut [f64]) {

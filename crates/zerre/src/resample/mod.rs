@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::kernels::{
-    BLOCK, BlockSums, Cumulative, Positions, SharedColumns, Simd, Threads, fill_sorted, fill_uniforms,
-    merge_sorted, prefix_sums, put, to_exponentials,
+    BLOCK, BlockSums, Cumulative, Positions, SharedColumns, Simd, Threads, checked_sum, expand_copies,
+    fill_sorted, fill_uniforms, merge_sorted, prefix_sums, split_copies, to_exponentials,
 };
 use crate::rng::{Purpose, Stream};
 use serde::{Deserialize, Serialize};
@@ -64,9 +64,72 @@ pub(crate) struct BlockWeights<'a> {
 pub(crate) struct Scratch {
     cumulative: Vec<f64>,
     positions: Vec<f64>,
-    counts: Vec<u32>,
+    copies: Vec<u32>,
     blocks: Vec<(Cumulative, usize)>,
     pairs: Vec<(f64, f64)>,
+}
+
+/// Resampling with memory that is used again: nothing is allocated after the first call of a size.
+#[derive(Clone, Debug)]
+pub struct Resampler {
+    scheme: Resampling,
+    simd: Simd,
+    threads: Threads,
+    scratch: Scratch,
+}
+
+impl Resampler {
+    /// A resampler on the calling thread, with the processor's best instructions.
+    pub fn new(scheme: Resampling) -> Self {
+        Resampler { scheme, simd: Simd::best(), threads: Threads::Serial, scratch: Scratch::default() }
+    }
+
+    /// The same with other instructions and threads; results do not depend on them.
+    #[must_use]
+    pub fn with(self, simd: Simd, threads: Threads) -> Self {
+        Resampler { simd, threads, ..self }
+    }
+
+    /// Ancestors (indices into `weights`, ascending) of `ancestors.len()` new particles. `weights` need not be
+    /// normalised; `step` distinguishes repeated calls with one stream. Returns how many particles were drawn at
+    /// least once.
+    ///
+    /// # Errors
+    /// A weight that is negative or not finite, or weights that are all zero, or whose sum overflows.
+    pub fn ancestors(
+        &mut self,
+        weights: &[f64],
+        stream: Stream,
+        step: u64,
+        ancestors: &mut [u32],
+    ) -> Result<usize> {
+        let mut pairs = std::mem::take(&mut self.scratch.pairs);
+        pairs.clear();
+        let mut total = 0.0;
+        for block in weights.chunks(BLOCK) {
+            let (sum, good) = checked_sum(self.simd, block);
+            if !good {
+                let bad = block.iter().copied().find(|w| w.is_nan() || *w < 0.0).unwrap_or(f64::NAN);
+                Error::not_negative("weight", bad)?;
+            }
+            total += sum;
+            pairs.push((1.0, sum));
+        }
+        Error::positive("sum of the weights", total)?;
+        if ancestors.is_empty() {
+            return Ok(0);
+        }
+        // Draws per weight would overflow: a power of two, which costs no digits, brings such weights back.
+        if total < 1e-290 {
+            let scaled: Vec<f64> = weights.iter().map(|w| w * f64::from_bits((1023 + 600) << 52)).collect();
+            return self.ancestors(&scaled, stream, step, ancestors);
+        }
+        let context = Context { level: self.simd, threads: &self.threads, stream, step };
+        let drawn =
+            self.scheme.draw(context, BlockWeights { weights, blocks: &pairs }, &mut self.scratch, ancestors);
+        self.scratch.pairs = pairs;
+        Ok(drawn)
+    }
 }
 
 /// Who works, and from which numbers.
@@ -78,30 +141,13 @@ pub(crate) struct Context<'a> {
     pub(crate) step: u64,
 }
 
-/// Draws per weight would overflow below this sum of weights; a power of two, which costs no digits, brings it back.
-const TINY: f64 = 1e-290;
-const FROM_TINY: f64 = f64::from_bits((1023 + 600) << 52);
-
 impl Resampling {
-    /// Ancestors (indices into `weights`, ascending) of `ancestors.len()` new particles.
-    ///
-    /// `weights` need not be normalised. `step` distinguishes repeated calls with one stream.
+    /// Ancestors (indices into `weights`, ascending) of `ancestors.len()` new particles; see [`Resampler::ancestors`].
     ///
     /// # Errors
     /// A weight that is negative or not finite, or weights that are all zero.
     pub fn ancestors(self, weights: &[f64], stream: Stream, step: u64, ancestors: &mut [u32]) -> Result<()> {
-        for &w in weights {
-            Error::not_negative("weight", w)?;
-        }
-        let mut pairs: Vec<_> = weights.chunks(BLOCK).map(|b| (1.0, b.iter().sum())).collect();
-        let total: f64 = pairs.iter().map(|b| b.1).sum();
-        Error::positive("sum of the weights", total)?;
-        if total < TINY {
-            pairs.iter_mut().for_each(|(factor, _)| *factor = FROM_TINY);
-        }
-        let context = Context { level: Simd::best(), threads: &Threads::Serial, stream, step };
-        self.draw(context, BlockWeights { weights, blocks: &pairs }, &mut Scratch::default(), ancestors);
-        Ok(())
+        Resampler::new(self).ancestors(weights, stream, step, ancestors).map(|_| ())
     }
 
     /// How many copies of each particle `draws` new ones contain.
@@ -145,7 +191,7 @@ impl Resampling {
             Resampling::Multinomial => {
                 let total = cumulate(context.level, &from, &mut scratch.cumulative);
                 let scale = total * sorted_uniforms(context, ancestors.len(), &mut scratch.positions);
-                merge_sorted(&scratch.cumulative, &scratch.positions[..ancestors.len()], scale, ancestors);
+                merge_sorted(&scratch.cumulative, &scratch.positions, scale, ancestors);
                 1 + ancestors.windows(2).filter(|pair| pair[0] != pair[1]).count()
             }
             Resampling::Residual => residual(context, &from, scratch, ancestors),
@@ -169,7 +215,8 @@ fn sorted(
     for (b, &(factor, sum)) in from.blocks.iter().enumerate() {
         let after = before + factor * sum;
         let last = b + 1 == from.blocks.len();
-        let below = if last { draws as u64 } else { positions.below(after, per_weight).min(draws as u64) };
+        let below =
+            if last { draws as f64 } else { positions.below(after, per_weight).clamp(0.0, draws as f64) };
         let end = (below as u32).max(start);
         blocks.push((Cumulative { before, factor, draws: (start, end) }, 0));
         (before, start) = (after, end);
@@ -192,19 +239,22 @@ fn sorted(
     blocks.iter().map(|(_, drawn)| drawn).sum()
 }
 
-/// Cumulative weights of all particles; returns the total.
+/// Cumulative weights of all particles, and an infinity behind them; returns the total.
 fn cumulate(level: Simd, from: &BlockWeights<'_>, out: &mut Vec<f64>) -> f64 {
-    out.resize(from.weights.len(), 0.0);
+    let n = from.weights.len();
+    out.resize(n + 1, 0.0);
+    out[n] = f64::INFINITY;
     let mut before = 0.0;
     for ((weights, out), &(factor, _)) in
-        from.weights.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).zip(from.blocks)
+        from.weights.chunks(BLOCK).zip(out[..n].chunks_mut(BLOCK)).zip(from.blocks)
     {
         before = prefix_sums(level, weights, factor, before, out);
     }
     before
 }
 
-/// `count` sorted positions (cumulative exponential spacings); returns the factor that brings them into (0, 1).
+/// `count` sorted positions (cumulative exponential spacings), and an infinity behind them; returns the factor that
+/// brings them into (0, 1).
 fn sorted_uniforms(context: Context<'_>, count: usize, positions: &mut Vec<f64>) -> f64 {
     positions.resize(count + 1, 0.0);
     let mut before = 0.0;
@@ -215,6 +265,7 @@ fn sorted_uniforms(context: Context<'_>, count: usize, positions: &mut Vec<f64>)
         to_exponentials(context.level, spacings);
         before = prefix_sums(context.level, spacings, 1.0, before, block);
     }
+    positions[count] = f64::INFINITY;
     1.0 / before
 }
 
@@ -227,39 +278,37 @@ fn residual(
 ) -> usize {
     let draws = ancestors.len();
     let total: f64 = from.blocks.iter().map(|(factor, sum)| factor * sum).sum();
-    let per_weight = draws as f64 / total;
     let n = from.weights.len();
-    scratch.counts.resize(n, 0);
-    scratch.cumulative.resize(n, 0.0);
-    // Rounding may make the whole copies one too many in all: the surplus is cut off where it appears.
-    let (mut sum, mut sure) = (0.0, 0);
+    scratch.copies.resize(n, 0);
+    scratch.cumulative.resize(n + 1, 0.0);
+    scratch.cumulative[n] = f64::INFINITY;
+    let (mut sure, mut before) = (0, 0.0);
     for (b, weights) in from.weights.chunks(BLOCK).enumerate() {
-        let factor = from.blocks[b].0;
-        for (i, &w) in weights.iter().enumerate() {
-            let expected = w * factor * per_weight;
-            // What a sum of rounded weights leaves below a whole number counts as whole: equal weights are one copy each.
-            let whole = ((expected * (1.0 + 1e-12)) as usize).min(draws - sure);
-            sure += whole;
-            sum += (expected - whole as f64).max(0.0);
-            scratch.counts[b * BLOCK + i] = whole as u32;
-            scratch.cumulative[b * BLOCK + i] = sum;
+        let share = from.blocks[b].0 * (draws as f64 / total);
+        let range = b * BLOCK..b * BLOCK + weights.len();
+        let mut fractions = [0.0; BLOCK];
+        let fractions = &mut fractions[..weights.len()];
+        sure += split_copies(context.level, weights, share, &mut scratch.copies[range.clone()], fractions);
+        before = prefix_sums(context.level, fractions, 1.0, before, &mut scratch.cumulative[range]);
+    }
+    // The floors of expectations that sum to `draws` sum to at most that: rounding lifts each by less than 1e-9.
+    let rest = draws.saturating_sub(sure as usize);
+    if rest > 0 {
+        // The rest varies: room for any, so that no later step allocates.
+        scratch.positions.reserve((draws + 1).saturating_sub(scratch.positions.len()));
+        let scale = before * sorted_uniforms(context, rest, &mut scratch.positions);
+        let extra = &mut ancestors[..rest];
+        merge_sorted(&scratch.cumulative, &scratch.positions, scale, extra);
+        for &a in extra.iter() {
+            scratch.copies[a as usize] += 1;
         }
     }
-    let rest = draws - sure;
-    // The rest varies: room for any, so that no later step allocates.
-    scratch.positions.reserve((draws + 1).saturating_sub(scratch.positions.len()));
-    let scale = sum * sorted_uniforms(context, rest, &mut scratch.positions);
-    let extra = &mut ancestors[..rest];
-    merge_sorted(&scratch.cumulative, &scratch.positions[..rest], scale, extra);
-    for &a in extra.iter() {
-        scratch.counts[a as usize] += 1;
-    }
     let (mut start, mut drawn) = (0, 0);
-    for (i, &count) in scratch.counts.iter().enumerate() {
-        let end = start + count as usize;
-        drawn += usize::from(count > 0);
-        put(ancestors, start, end, i as u32);
-        start = end;
+    for (b, copies) in scratch.copies.chunks(BLOCK).enumerate() {
+        let (used, distinct) =
+            expand_copies(context.level, copies, (b * BLOCK) as u32, &mut ancestors[start..]);
+        start += used;
+        drawn += distinct;
     }
     drawn
 }
