@@ -123,13 +123,13 @@ pub enum Command {
     /// Print the JSON Schema of a configuration file
     #[command(after_help = SCHEMA)]
     Schema {
-        /// Kind of configuration: track
+        /// Kind of configuration: track, scenario
         kind: String,
     },
     /// Print a commented starter configuration
     #[command(after_help = INIT)]
     Init {
-        /// Kind of configuration: track
+        /// Kind of configuration: track, scenario
         #[arg(default_value = "track")]
         kind: String,
     },
@@ -180,10 +180,13 @@ pub struct Track {
 const SIMULATE: &str = "\
 Examples:
   zerre catalog scenarios
-  zerre simulate SCENARIO --seed 7 --out made
-  zerre simulate SCENARIO --runs 100
+  zerre simulate radar-cv --seed 7 --out made
+  zerre simulate two-crossing --runs 100
+  zerre init scenario > mine.toml && zerre simulate mine.toml
 
-Outputs in --out: measurements.csv, truth.csv, run.json.";
+Outputs in --out: measurements.csv, truth.csv, run.json, and track.toml, which tells `zerre track` where the
+sensors stand and how well they measure. With --runs above 1 the tables are measurements-0001.csv,
+truth-0001.csv and so on; the first run is that of --runs 1.";
 
 /// Make measurements and truth of a scenario
 #[derive(Clone, Debug, clap::Args)]
@@ -198,9 +201,11 @@ pub struct Simulate {
 
 const COMPARE: &str = "\
 Examples:
-  zerre compare out/track-plots/tracks.csv truth.csv --metric rmse
+  zerre compare out/track-plots/tracks.csv truth.csv
   zerre compare tracks.csv truth.csv --metric gospa nees --json
 
+Targets are compared by id where ids agree; otherwise each instant pairs estimates and truth by GOSPA.
+Positions are compared in the plane, in metres; truth is taken on the straight line between its points.
 `zerre catalog metrics` lists the metrics with their units.";
 
 /// Score estimates against truth
@@ -213,9 +218,15 @@ pub struct Compare {
     /// Truth
     #[arg(value_name = "B.csv")]
     pub truth: PathBuf,
-    /// Metrics, names of `zerre catalog metrics`
-    #[arg(long, value_name = "NAME", required = true, num_args = 1..)]
+    /// Metrics, names of `zerre catalog metrics` [default: all that the tables allow]
+    #[arg(long, value_name = "NAME", num_args = 1..)]
     pub metric: Vec<String>,
+    /// Distance from which on an estimate and a true object do not belong together, m (GOSPA, OSPA)
+    #[arg(long, value_name = "METRES", default_value = "100")]
+    pub cutoff_m: f64,
+    /// Longest gap between two points of a trajectory that is bridged by a straight line, s
+    #[arg(long, value_name = "SECONDS", default_value = "60")]
+    pub max_gap_s: f64,
 }
 
 const BENCH: &str = "\
@@ -270,9 +281,10 @@ mod tests {
             "track a --config f --format ais --truth t --single --strict --filter particle --motion singer",
             "simulate s --runs 5",
             "compare a b --metric rmse gospa --metric nees",
+            "compare a b --cutoff-m 20 --max-gap-s 5",
             "bench --json --threads 2 --simd avx512",
             "catalog filters --json --quiet",
-            "schema track",
+            "schema scenario",
             "init --log debug",
         ] {
             let words = std::iter::once("zerre").chain(line.split(' '));
@@ -280,7 +292,7 @@ mod tests {
         }
         for line in [
             "track",
-            "compare a b",
+            "compare a",
             "simulate s --runs 0",
             "bench --threads 0",
             "track a --format gpx",

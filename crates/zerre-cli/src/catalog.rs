@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
+use zerre_io::{COLUMNS, Column, Format};
+use zerre_lab::metric::{METRICS, MetricInfo};
+use zerre_lab::scenario::{Named, SCENARIOS};
 
 /// One thing that can be named on the command line or in a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -34,23 +37,22 @@ pub fn names(entries: &[Entry], kind: &str) -> Vec<&'static str> {
     entries.iter().filter(|entry| entry.kind == kind).map(|entry| entry.name).collect()
 }
 
-/// Everything that this program can name.
+/// Everything that this program can name: the lists of the crates, one after the other.
 pub fn all() -> Vec<Entry> {
-    FORMATS.to_vec()
-}
-
-/// Formats of recordings; the names are those of [`Format`](crate::config::Format).
-const FORMATS: [Entry; 6] = [
-    format("auto", "told from the header and the first lines", ""),
-    format("csv", "table with a header whose column names carry units (range_m, bearing_deg, lat_deg)", ""),
-    format("opensky", "state vectors of aircraft as the OpenSky Network exports them", "opensky-network.org"),
-    format("ais", "positions of ships as the Danish Maritime Authority exports them", "dma.dk"),
-    format("lebl", "radar plots around Barcelona airport", ""),
-    format("uav", "fixes of drones", ""),
-];
-
-const fn format(name: &'static str, about: &'static str, source: &'static str) -> Entry {
-    Entry { kind: "formats", name, about, source }
+    let library = [("motions", zerre::catalog::MOTIONS), ("measurements", zerre::catalog::MEASUREMENTS)];
+    let of_library = library.iter().flat_map(|(kind, list)| {
+        list.iter().map(|e| Entry { kind, name: e.name, about: e.about, source: e.source })
+    });
+    let metric = |m: &MetricInfo| Entry { kind: "metrics", name: m.name, about: m.about, source: m.source };
+    let scenario = |s: &Named| Entry { kind: "scenarios", name: s.name, about: s.about, source: s.source };
+    let format = |&(_, name, about): &(Format, _, _)| Entry { kind: "formats", name, about, source: "" };
+    let column = |c: &Column| Entry { kind: "columns", name: c.name, about: c.about, source: "" };
+    of_library
+        .chain(METRICS.iter().map(metric))
+        .chain(SCENARIOS.iter().map(scenario))
+        .chain(Format::ALL.iter().map(format))
+        .chain(COLUMNS.iter().map(column))
+        .collect()
 }
 
 #[cfg(test)]

@@ -60,9 +60,15 @@ fn wrong_usage_ends_with_two_and_a_way_out() {
 
 #[test]
 fn json_is_one_document_on_standard_output_also_for_errors() {
-    for line in
-        ["catalog --json", "catalog formats --json", "schema track", "schema track --json", "init --json"]
-    {
+    for line in [
+        "catalog --json",
+        "catalog formats --json",
+        "schema scenario",
+        "init scenario --json",
+        "schema track",
+        "schema track --json",
+        "init --json",
+    ] {
         let output = zerre(line);
         assert_eq!(output.status.code(), Some(0), "{line}");
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap();
@@ -78,7 +84,9 @@ fn json_is_one_document_on_standard_output_also_for_errors() {
 fn the_catalogue_is_lists_of_name_about_and_source() {
     let catalog: serde_json::Value = serde_json::from_slice(&zerre("catalog --json").stdout).unwrap();
     let kinds = catalog.as_object().unwrap();
-    assert!(kinds.contains_key("formats"));
+    for kind in ["motions", "measurements", "metrics", "scenarios", "formats", "columns"] {
+        assert!(kinds.contains_key(kind), "{kind}");
+    }
     for entry in kinds.values().flat_map(|list| list.as_array().unwrap()) {
         let keys: Vec<_> = entry.as_object().unwrap().keys().collect();
         assert_eq!(keys, ["about", "name", "source"]);

@@ -188,6 +188,9 @@ impl Motion<4, 4> for UserMotion {
     }
 }
 
+/// ln(2 pi 0.1 0.01).
+const LOG_NORMALISER: f64 = -5.069_878_212_572_791_5;
+
 /// Range and bearing from (-6, 12), written as in a textbook: the innovation is wrapped by sine and cosine.
 struct UserSensor;
 
@@ -204,9 +207,9 @@ impl Measurement<4> for UserSensor {
         let (dx, dy) = (x + 6.0, y - 12.0);
         let along = dx * cos + dy * sin;
         let across = dy * cos - dx * sin;
-        let e = ((dx * dx + dy * dy).sqrt() - range) / 0.1;
-        let b = across.atan2(along) / 0.01;
-        (e * e + b * b) * -0.5 - (std::f64::consts::TAU * 0.1 * 0.01).ln()
+        let e = ((dx * dx + dy * dy).sqrt() - range) * 10.0;
+        let b = across.atan2(along) * 100.0;
+        (e * e + b * b) * -0.5 - LOG_NORMALISER
     }
 }
 

@@ -10,5 +10,6 @@ mod distribution;
 pub mod error;
 pub mod metric;
 pub mod report;
+pub mod scenario;
 
 pub use error::{Error, Result};

@@ -1,5 +1,8 @@
 //! Particle filters and their relatives.
 
+// The same bits on every machine: nothing of the system that differs (clippy.toml). Tests may compare with it.
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 pub mod belief;
 pub mod catalog;
 pub mod error;
@@ -15,3 +18,8 @@ pub mod track;
 
 pub use error::{Error, Result};
 pub use time::{Span, Time};
+
+/// The library example of the front page, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct FrontPage;

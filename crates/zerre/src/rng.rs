@@ -125,7 +125,7 @@ impl Draws {
         if let Some(z) = self.spare_normal.take() {
             return z;
         }
-        let radius = (self.uniform().ln() * -2.0).sqrt();
+        let radius = (Real::ln(self.uniform()) * -2.0).sqrt();
         let (s, c) = Real::sin_cos(self.uniform() * std::f64::consts::TAU);
         self.spare_normal = Some(radius * s);
         radius * c

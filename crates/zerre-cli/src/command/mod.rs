@@ -2,8 +2,10 @@
 
 mod bench;
 mod catalog;
+mod compare;
 mod init;
 mod schema;
+mod simulate;
 
 use crate::Exit;
 use crate::args::{Args, Command, Global, Simd};
@@ -23,10 +25,10 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Catalog { kind } => catalog::run(kind.as_deref(), console),
         Command::Schema { kind } => schema::run(kind, console),
         Command::Init { kind } => init::run(kind, &args.global, console),
+        Command::Simulate(of) => simulate::run(of, &args.global, console),
+        Command::Compare(of) => compare::run(of, &args.global, console),
         Command::Bench { quick } => bench::run(&args.global, *quick, console),
-        Command::Track(_) | Command::Simulate(_) | Command::Compare(_) => {
-            Err(Diagnostic::new("this build holds no engine to run the command"))
-        }
+        Command::Track(_) => Err(Diagnostic::new("this build holds no engine to run the command")),
     }
 }
 

@@ -89,20 +89,23 @@ impl Source {
         }
     }
 
-    /// Where the value of a key stands, or the nearest table above it that does.
+    /// Where the value of a key stands, or the nearest value above it that does. A number leads into a list, from 0.
     pub fn locate<S: AsRef<str>>(&self, path: &[S]) -> Option<Place> {
         let document = DeTable::parse(&self.text).ok()?;
-        let mut table = document.get_ref();
-        let mut span = None;
-        for key in path {
-            let Some(value) = table.get(key.as_ref()) else { break };
-            span = Some(value.span());
-            match value.get_ref() {
-                DeValue::Table(inner) => table = inner,
-                _ => break,
+        let (first, rest) = path.split_first()?;
+        let mut value = document.get_ref().get(first.as_ref())?;
+        for key in rest {
+            let inner = match value.get_ref() {
+                DeValue::Table(table) => table.get(key.as_ref()),
+                DeValue::Array(list) => key.as_ref().parse().ok().and_then(|at: usize| list.get(at)),
+                _ => None,
+            };
+            match inner {
+                Some(inner) => value = inner,
+                None => break,
             }
         }
-        span.map(|span| Place::new(&self.name, &self.text, span))
+        Some(Place::new(&self.name, &self.text, value.span()))
     }
 
     /// Where the value of a key stands, if the file gives it.
@@ -167,6 +170,9 @@ mod tests {
         assert_eq!(source.line(&["b", "absent"]), None);
         assert_eq!(source.locate(&["b", "absent"]).unwrap().line, 2);
         assert_eq!(source.locate(&["absent"]), None);
+        let list = Source::new("f", "[[a]]\nx = 1\n[[a]]\nx = [2,\n3]\n");
+        assert_eq!(list.locate(&["a", "1", "x", "1"]).unwrap().line, 5);
+        assert_eq!(list.locate(&["a", "1", "absent"]).unwrap().line, 3);
         assert_eq!(dotted(&["b", "x y", "z"]), "b.\"x y\".z");
     }
 

@@ -2,18 +2,27 @@
 
 use super::track::TrackConfig;
 use schemars::{Schema, schema_for};
+use zerre_lab::scenario::Scenario;
 
 /// Kinds of configuration that there are.
-pub const KINDS: [&str; 1] = ["track"];
+pub const KINDS: [&str; 2] = ["track", "scenario"];
 
 /// The commented starter file of a kind.
 pub fn starter(kind: &str) -> Option<&'static str> {
-    (kind == "track").then_some(include_str!("track.toml"))
+    match kind {
+        "track" => Some(include_str!("track.toml")),
+        "scenario" => Some(include_str!("scenario.toml")),
+        _ => None,
+    }
 }
 
 /// The JSON Schema of a kind.
 pub fn schema(kind: &str) -> Option<Schema> {
-    (kind == "track").then(|| schema_for!(TrackConfig))
+    match kind {
+        "track" => Some(schema_for!(TrackConfig)),
+        "scenario" => Some(schema_for!(Scenario)),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -46,6 +55,18 @@ mod tests {
             assert!(starter(kind).is_some() && schema(kind).is_some());
         }
         assert!(starter("otb").is_none() && schema("otb").is_none());
+    }
+
+    #[test]
+    fn the_starter_of_a_scenario_is_one() {
+        let source = Source::new("scenario.toml", starter("scenario").unwrap());
+        let scenario: Scenario = source.parse().unwrap();
+        assert_eq!(scenario.check(), Ok(()));
+        assert!(!scenario.draw(1, 0).unwrap().measurements.is_empty());
+        let schema = serde_json::to_value(schema("scenario").unwrap()).unwrap();
+        for key in schema["properties"].as_object().unwrap().keys() {
+            assert!(starter("scenario").unwrap().contains(key.as_str()), "{key} is not in the starter");
+        }
     }
 
     #[test]

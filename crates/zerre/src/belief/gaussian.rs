@@ -158,7 +158,7 @@ impl Gaussian<2> {
         let [[xx, xy], [_, yy]] = self.covariance.0;
         // Eigenvalues: middle +- spread; rounding must not make the smaller one negative.
         let (middle, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
-        let spread = half.hypot(xy);
+        let spread = Real::hypot(half, xy);
         Ok(Ellipse {
             centre: self.mean,
             semi_major: radius * (middle + spread).sqrt(),

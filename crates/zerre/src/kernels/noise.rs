@@ -389,24 +389,28 @@ pub(crate) fn fill_uniforms(
 
 #[inline(always)]
 fn uniforms<S: Token>(simd: S, stream: Stream, step: u64, draw: u32, first: usize, out: &mut [f64]) {
-    debug_assert!(first % 64 == 0);
+    debug_assert!(first.is_multiple_of(64));
     let rest = [Purpose::Resample as u32 | draw << 8, step as u32, (step >> 32) as u32];
     let mut call = (first / 4) as u32;
     for chunk in out.chunks_mut(64) {
         let words = philox_x16(simd, stream.key(), call, rest);
         call = call.wrapping_add(16);
-        let mut numbers = [0.0; 64];
-        for (w, word) in words.into_iter().enumerate() {
+        let mut last = [0.0; 64];
+        let whole = chunk.len() == 64;
+        let numbers = if whole { &mut *chunk } else { &mut last };
+        let low = u64x8::splat(simd, 0xffff_ffff);
+        // A 32-bit integer under the exponent of 2^52, minus 2^52, is that integer.
+        let magic = u64x8::splat(simd, 4_503_599_627_370_496f64.to_bits());
+        for (word, numbers) in words.into_iter().zip(numbers.chunks_exact_mut(16)) {
             let wide: u64x8<S> = word.bitcast();
-            let low = u64x8::splat(simd, 0xffff_ffff);
-            for (h, half) in [wide & low, wide >> 32].into_iter().enumerate() {
-                // A 32-bit integer under the exponent of 2^52, minus 2^52, is that integer.
-                let magic = u64x8::splat(simd, 4_503_599_627_370_496f64.to_bits());
+            for (half, numbers) in [wide & low, wide >> 32].into_iter().zip(numbers.chunks_exact_mut(8)) {
                 let integer = Lanes((half | magic).bitcast()) - 4_503_599_627_370_496.0;
-                ((integer + 0.5) * (1.0 / 4_294_967_296.0)).store(&mut numbers[w * 16 + h * 8..]);
+                ((integer + 0.5) * (1.0 / 4_294_967_296.0)).store(numbers);
             }
         }
-        chunk.copy_from_slice(&numbers[..chunk.len()]);
+        if !whole {
+            chunk.copy_from_slice(&last[..chunk.len()]);
+        }
     }
 }
 

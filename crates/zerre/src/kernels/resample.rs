@@ -149,16 +149,12 @@ pub(crate) fn fill_sorted(
         ends: &mut [u64],
     ) {
         match positions {
-            Positions::Systematic { offset } => count_below(simd, weights, at, ends, |c| {
-                let t = c.mul_add(Lanes::splat(simd, per_weight), Lanes::splat(simd, -offset));
-                Lanes(simd.ceil_f64x8(t.0))
-            }),
-            Positions::Stratified { offsets } => count_below(simd, weights, at, ends, |c| {
-                let t = c * per_weight;
-                let cell = Lanes(simd.floor_f64x8(t.0));
-                let u = gather_offsets(simd, offsets, cell);
-                u.if_lt(t - cell, cell + 1.0, cell)
-            }),
+            Positions::Systematic { offset } => {
+                count_below(simd, weights, at, ends, &Systematic { per_weight, offset });
+            }
+            Positions::Stratified { offsets } => {
+                count_below(simd, weights, at, ends, &Stratified { per_weight, offsets });
+            }
         }
     }
     fn naive(weights: &[f64], at: Cumulative, positions: Positions<'_>, per_weight: f64, ends: &mut [u64]) {
@@ -195,15 +191,49 @@ pub(crate) fn fill_sorted(
     drawn
 }
 
+/// [`Positions::below`] of eight cumulative weights. A trait instead of a closure, which may fail to be inlined.
+trait Below {
+    fn below<S: Token>(&self, simd: S, c: Lanes<S>) -> Lanes<S>;
+}
+
+struct Systematic {
+    per_weight: f64,
+    offset: f64,
+}
+
+impl Below for Systematic {
+    #[inline(always)]
+    fn below<S: Token>(&self, simd: S, c: Lanes<S>) -> Lanes<S> {
+        let t = c.mul_add(Lanes::splat(simd, self.per_weight), Lanes::splat(simd, -self.offset));
+        Lanes(simd.ceil_f64x8(t.0))
+    }
+}
+
+struct Stratified<'a> {
+    per_weight: f64,
+    offsets: &'a [f64],
+}
+
+impl Below for Stratified<'_> {
+    #[inline(always)]
+    fn below<S: Token>(&self, simd: S, c: Lanes<S>) -> Lanes<S> {
+        let t = c * self.per_weight;
+        let cell = Lanes(simd.floor_f64x8(t.0));
+        let last = self.offsets.len() - 1;
+        let mut cells = [0; LANES];
+        to_integers(cell.min(Lanes::splat(simd, last as f64))).store_slice(&mut cells);
+        let mut u = [0.0; LANES];
+        for j in 0..LANES {
+            // The minimum above keeps the index inside; the compiler cannot see it.
+            u[j] = self.offsets[(cells[j] as usize).min(last)];
+        }
+        Lanes::load(simd, &u).if_lt(t - cell, cell + 1.0, cell)
+    }
+}
+
 /// For each weight the number of positions below its cumulative weight, counted from the block's first draw.
 #[inline(always)]
-fn count_below<S: Token>(
-    simd: S,
-    weights: &[f64],
-    at: Cumulative,
-    ends: &mut [u64],
-    below: impl Fn(Lanes<S>) -> Lanes<S>,
-) {
+fn count_below<S: Token>(simd: S, weights: &[f64], at: Cumulative, ends: &mut [u64], positions: &impl Below) {
     let (from, to) = (Lanes::splat(simd, f64::from(at.draws.0)), Lanes::splat(simd, f64::from(at.draws.1)));
     let factor = Lanes::splat(simd, at.factor);
     let mut carry = Lanes::splat(simd, at.before);
@@ -211,11 +241,12 @@ fn count_below<S: Token>(
     for i in (0..whole).step_by(LANES) {
         let sums = prefix(simd, Lanes::load(simd, &weights[i..i + LANES])).mul_add(factor, carry);
         carry = splat_last(simd, sums);
-        to_integers(below(sums).max(from).min(to) - from).store_slice(&mut ends[i..i + LANES]);
+        to_integers(positions.below(simd, sums).max(from).min(to) - from)
+            .store_slice(&mut ends[i..i + LANES]);
     }
     if whole < weights.len() {
         let sums = prefix(simd, load_zeros(simd, &weights[whole..])).mul_add(factor, carry);
-        let all: [u64; LANES] = to_integers(below(sums).max(from).min(to) - from).into();
+        let all: [u64; LANES] = to_integers(positions.below(simd, sums).max(from).min(to) - from).into();
         let rest = &mut ends[whole..];
         rest.copy_from_slice(&all[..rest.len()]);
     }
@@ -255,19 +286,6 @@ fn write_ends<T>(ends: &[u64], first: u32, out: &mut [u32], _: T) -> (usize, usi
 fn to_integers<S: Token>(x: Lanes<S>) -> u64x8<S> {
     let bits: u64x8<S> = (x + 4_503_599_627_370_496.0).0.bitcast();
     bits & u64x8::splat(bits.simd, 0x000f_ffff_ffff_ffff)
-}
-
-/// The offsets of eight strata.
-#[inline(always)]
-fn gather_offsets<S: Token>(simd: S, offsets: &[f64], cells: Lanes<S>) -> Lanes<S> {
-    let mut at = [0.0; LANES];
-    cells.store(&mut at);
-    let mut u = [0.0; LANES];
-    let last = offsets.len() - 1;
-    for j in 0..LANES {
-        u[j] = offsets[(at[j] as usize).min(last)];
-    }
-    Lanes::load(simd, &u)
 }
 
 /// The last lane in all lanes.

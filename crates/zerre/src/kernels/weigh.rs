@@ -107,14 +107,12 @@ fn naive<const N: usize>(
             sum_states[k] = w.mul_add(states[k][i], sum_states[k]);
         }
     }
-    let fold = |part: &dyn Fn(&(f64, f64, [f64; N])) -> f64| {
-        fold_array(std::array::from_fn(|j| part(&lanes[j])), |a, b| a + b)
-    };
+    let fold = |numbers: [f64; LANES]| fold_array(numbers, |a, b| a + b);
     BlockSums {
         max,
-        sum: fold(&|l| l.0),
-        sum_squares: fold(&|l| l.1),
-        sum_states: std::array::from_fn(|k| fold(&|l| l.2[k])),
+        sum: fold(lanes.map(|l| l.0)),
+        sum_squares: fold(lanes.map(|l| l.1)),
+        sum_states: std::array::from_fn(|k| fold(lanes.map(|l| l.2[k]))),
     }
 }
 

@@ -1,0 +1,193 @@
+//! `zerre simulate`: measurements and truth of a scenario.
+
+use crate::Exit;
+use crate::args::{Global, Simulate};
+use crate::config::{Problem, Source};
+use crate::console::Console;
+use crate::diagnostic::{Diagnostic, suggest};
+use crate::run::{Destination, Folder, Progress, Record, State, interrupted, listen};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+use zerre_lab::scenario::{self, Invalid, Measured, Measures, Run, SCENARIOS, Scenario, TruePoint};
+
+const COMMAND: &str = "simulate";
+
+pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let since = Instant::now();
+    let scenario = find(&args.scenario)?;
+    let runs = args.runs.get();
+    let config = json!({ "scenario": scenario, "runs": runs });
+    if options.explain {
+        console.info(&pretty(&config)?);
+    }
+    listen()?;
+    let destination = Destination::of(options, COMMAND, Some(Path::new(&args.scenario)));
+    let mut folder = Folder::open(&destination, COMMAND)?;
+    let mut record = Record::new(COMMAND, options.seed, config);
+    let mut progress = Progress::new(console, "runs", Some(u64::from(runs)));
+    let (mut made, mut points, mut measured) = (0_u32, 0, 0);
+    if scenario.trackable() {
+        folder.write("track.toml", |file| file.write_all(track_config(&scenario).as_bytes()))?;
+    }
+    while made < runs && !interrupted() {
+        let drawn = scenario
+            .draw(options.seed, made)
+            .map_err(|error| Diagnostic::new(format!("run {}: {error}", made + 1)))?;
+        made += 1;
+        let name =
+            |table: &str| if runs == 1 { format!("{table}.csv") } else { format!("{table}-{made:04}.csv") };
+        folder.write(&name("truth"), |file| write_truth(file, &scenario, &drawn))?;
+        folder.write(&name("measurements"), |file| write_measurements(file, &scenario, &drawn))?;
+        points += drawn.truth.len();
+        measured += drawn.measurements.len();
+        progress.advance(1);
+    }
+    drop(progress);
+    if made < runs {
+        record.state = State::Interrupted;
+        console.warn(format_args!("stopped after {made} of {runs} runs; these are complete"));
+    }
+    record.seconds = since.elapsed().as_secs_f64();
+    let path = folder.finish(&record)?;
+    if console.json() {
+        console.document(&json!({
+            "scenario": args.scenario, "runs": made, "targets": scenario.target.len(), "true_points": points,
+            "measurements": measured, "out": path.display().to_string(),
+        }))?;
+    }
+    let s = if made == 1 { "" } else { "s" };
+    console.info(format_args!(
+        "{made} run{s}: {measured} measurements of {points} true states in {}",
+        path.display()
+    ));
+    Ok(Exit::Done)
+}
+
+fn pretty(value: &serde_json::Value) -> Result<String, Diagnostic> {
+    serde_json::to_string_pretty(value).map_err(|error| Diagnostic::new(error.to_string()))
+}
+
+/// The scenario of that name, or in the file of that name: a path has an ending or a folder.
+fn find(name: &str) -> Result<Scenario, Diagnostic> {
+    if let Some(scenario) = scenario::find(name) {
+        return Ok(scenario);
+    }
+    let path = Path::new(name);
+    if path.extension().is_none() && path.components().count() == 1 && !path.is_file() {
+        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).collect();
+        let unknown = Diagnostic::usage(format!("there is no scenario `{name}`"));
+        return Err(suggest(unknown, name, &known).help("`zerre init scenario` writes one to change"));
+    }
+    let source = Source::read(path)?;
+    let scenario: Scenario = source.parse()?;
+    let diagnose = |Invalid { path, what }| source.diagnose(&Problem { path, what });
+    scenario.check().map_err(diagnose)?;
+    Ok(scenario)
+}
+
+fn write_truth(out: impl Write, scenario: &Scenario, run: &Run) -> csv::Result<()> {
+    let mut out = csv::Writer::from_writer(out);
+    out.write_record(["time_s", "id"].iter().chain(scenario.motion.columns()))?;
+    for TruePoint { time, target, state } in &run.truth {
+        let numbers = state.iter().map(|value| format!("{value:?}"));
+        let labels = [time.to_string(), scenario.target[*target].id.clone()];
+        out.write_record(labels.into_iter().chain(numbers))?;
+    }
+    Ok(out.flush()?)
+}
+
+fn write_measurements(out: impl Write, scenario: &Scenario, run: &Run) -> csv::Result<()> {
+    let mut columns: Vec<&str> = Vec::new();
+    for name in scenario.sensor.iter().flat_map(|sensor| sensor.measures.columns()) {
+        if !columns.contains(name) {
+            columns.push(name);
+        }
+    }
+    let named = scenario.sensor.iter().any(|sensor| !sensor.name.is_empty());
+    let labels: &[&str] = if named { &["time_s", "id", "sensor"] } else { &["time_s", "id"] };
+    let mut out = csv::Writer::from_writer(out);
+    out.write_record(labels.iter().chain(&columns))?;
+    for Measured { time, target, sensor, values } in &run.measurements {
+        out.write_field(time.to_string())?;
+        out.write_field(&scenario.target[*target].id)?;
+        let sensor = &scenario.sensor[*sensor];
+        if named {
+            out.write_field(&sensor.name)?;
+        }
+        for column in &columns {
+            let place = sensor.measures.columns().iter().position(|own| own == column);
+            out.write_field(place.map_or(String::new(), |place| format!("{:?}", values[place])))?;
+        }
+        out.write_record(None::<&[u8]>)?;
+    }
+    Ok(out.flush()?)
+}
+
+/// What `zerre track` must know of the sensors.
+fn track_config(scenario: &Scenario) -> String {
+    let mut text = String::from("# The sensors of the scenario, for `zerre track --config`.\n");
+    for sensor in &scenario.sensor {
+        let name = if sensor.name.is_empty() { "default" } else { &sensor.name };
+        let lines = match sensor.measures {
+            Measures::Position { position_sd_m } => format!("position_sd_m = {position_sd_m:?}\n"),
+            Measures::RangeBearing { position_m, range_sd_m, bearing_sd_rad } => format!(
+                "position_m = {position_m:?}\nrange_sd_m = {range_sd_m:?}\nbearing_sd_rad = {bearing_sd_rad:?}\n"
+            ),
+            Measures::Bearing { position_m, bearing_sd_rad } => {
+                format!("position_m = {position_m:?}\nbearing_sd_rad = {bearing_sd_rad:?}\n")
+            }
+            Measures::Range { position_m, range_sd_m } => {
+                format!("position_m = {position_m:?}\nrange_sd_m = {range_sd_m:?}\n")
+            }
+            Measures::Growth { .. } => continue,
+        };
+        // A string of JSON is one of TOML. Writing to a string cannot fail.
+        let _ = write!(text, "\n[sensor.{}]\n{lines}", json!(name));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::TrackConfig;
+    use zerre_io::{Options, Recording, Trajectories};
+
+    #[test]
+    fn tables_read_back_to_what_was_drawn() {
+        for named in SCENARIOS {
+            let scenario = (named.scenario)();
+            let drawn = scenario.draw(3, 0).unwrap();
+            let (mut truth, mut measurements) = (Vec::new(), Vec::new());
+            write_truth(&mut truth, &scenario, &drawn).unwrap();
+            write_measurements(&mut measurements, &scenario, &drawn).unwrap();
+            let recording = Recording::read("m", measurements.as_slice(), &Options::default());
+            if !scenario.trackable() {
+                assert!(recording.is_err(), "{}", named.name);
+                continue;
+            }
+            let recording = recording.unwrap();
+            assert_eq!(recording.plots.len(), drawn.measurements.len());
+            for (plot, m) in recording.plots.iter().zip(&drawn.measurements) {
+                assert_eq!((plot.time, plot.reading.values()), (m.time, m.values.as_slice()));
+                assert_eq!(plot.id.as_deref(), Some(scenario.target[m.target].id.as_str()));
+            }
+            let truth = Trajectories::read("t", truth.as_slice(), &Options::default()).unwrap();
+            assert_eq!(truth.by_id.len(), scenario.target.len());
+            assert!(truth.summary.ignored.is_empty() && recording.summary.ignored.is_empty());
+            TrackConfig::from_source(&Source::new("track.toml", track_config(&scenario))).unwrap();
+        }
+    }
+
+    #[test]
+    fn any_name_of_a_sensor_makes_a_configuration() {
+        let mut scenario = scenario::find("radar-cv").unwrap();
+        scenario.sensor[0].name = "north \"tower\"\n\u{7}".to_owned();
+        let source = Source::new("track.toml", track_config(&scenario));
+        let config = TrackConfig::from_source(&source).unwrap();
+        assert_eq!(config.sensor.keys().next(), Some(&scenario.sensor[0].name));
+    }
+}

@@ -1,0 +1,67 @@
+//! Every example runs, and shows what its page promises.
+
+use std::process::Command;
+
+fn output_of(program: &str) -> String {
+    let output = Command::new(program).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The number after `label` in the line that holds `line`.
+fn number(text: &str, line: &str, label: &str) -> f64 {
+    let line = text.lines().find(|l| l.contains(line)).unwrap_or_else(|| panic!("no {line:?} in {text}"));
+    let rest = &line[line.find(label).unwrap() + label.len()..];
+    rest.split_whitespace().next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn first_filter_errs_less_than_its_sensor() {
+    let text = output_of(env!("CARGO_BIN_EXE_01_first_filter"));
+    let (filter, sensor) = (number(&text, "RMSE", "filter"), number(&text, "RMSE", "alone"));
+    assert!(filter < sensor, "{text}");
+}
+
+#[test]
+fn own_model_runs_under_three_filters() {
+    let text = output_of(env!("CARGO_BIN_EXE_02_own_model"));
+    for filter in ["extended Kalman", "unscented Kalman", "particles, 10 000"] {
+        // The camera alone: asin(0.1 / 2), 2.9 degrees.
+        assert!(number(&text, filter, filter) < 2.9, "{text}");
+    }
+}
+
+#[test]
+fn live_stream_counts_every_report() {
+    let text = output_of(env!("CARGO_BIN_EXE_03_live_stream"));
+    assert!(text.contains(r#"outcomes: {"gated": 1, "late": 1, "predicted": 8, "updated": 50}"#), "{text}");
+    assert!(text.contains("goes back in time"), "{text}");
+}
+
+#[test]
+fn comparing_filters_agree_where_they_must() {
+    let text = output_of(env!("CARGO_BIN_EXE_04_comparing_filters"));
+    let linear = text.split("Range").next().unwrap();
+    let kalman = number(linear, "Kalman", "Kalman");
+    for filter in ["extended", "unscented", "particles, 10 000"] {
+        // 10 000 particles: the error that they add is a hundredth of a standard deviation; the table has 3 decimals.
+        assert!((number(linear, filter, filter) - kalman).abs() < 0.02 * kalman, "{text}");
+    }
+    assert!(text.contains("Kalman               refuses"), "{text}");
+}
+
+#[test]
+fn reading_csv_shows_the_offset_and_gains_the_velocity() {
+    let text = output_of(env!("CARGO_BIN_EXE_05_reading_csv"));
+    assert!(text.contains("133 rows, 133 used"), "{text}");
+    let vessels: Vec<Vec<f64>> = text
+        .lines()
+        .filter(|line| line.trim_end().ends_with("m/s"))
+        .map(|line| line.split_whitespace().filter_map(|word| word.parse().ok()).collect())
+        .collect();
+    assert_eq!(vessels.len(), 2, "{text}");
+    for vessel in &vessels {
+        let [_, _, plots, offset, filter, differences, velocity] = vessel[..] else { panic!("{text}") };
+        assert!(offset > 0.5 * plots && filter < 1.05 * plots && velocity < 0.5 * differences, "{text}");
+    }
+}
