@@ -22,7 +22,7 @@ use zerre::rng::Stream;
 const MISS: f64 = 1e-6;
 const APPROXIMATE: f64 = 0.04;
 const RUNS: u32 = 200;
-const PARTICLES: usize = 2000;
+const PARTICLES: usize = 1000;
 
 /// The law for a filter that believes in `believed`, on targets of `world`.
 fn consistent<H: Sensor>(filter: &dyn UnderLaw, believed: &World<H>, world: &World<H>) -> Verdict {
