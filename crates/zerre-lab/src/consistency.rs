@@ -171,12 +171,15 @@ impl fmt::Display for Finding {
     }
 }
 
-/// "about 2.3 (2.1 to 2.6)", or "at least about ..." where the interval or the claim has no upper end.
+/// "about 2.3 (2.1 to 2.6)", "many" where no number can be told, or "at least about ..." where the interval or the claim has no upper end.
 struct Factor<'a>(&'a Interval, bool);
 
 impl fmt::Display for Factor<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Factor(Interval { value, low, high }, at_least) = self;
+        if !low.is_finite() {
+            return f.write_str("many");
+        }
         if !high.is_finite() {
             return write!(f, "at least {low:.1}");
         }

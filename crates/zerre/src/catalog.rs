@@ -9,10 +9,27 @@ pub struct Entry {
     pub about: &'static str,
     /// Where it comes from.
     pub source: &'static str,
+    /// What the laws expect of it; `None` for models.
+    pub class: Option<Class>,
+}
+
+/// How close to Bayes' rule a filter comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// The posterior itself, up to rounding, for the models that it takes.
+    Exact,
+    /// The posterior in the limit of many particles.
+    Consistent,
+    /// Near the posterior where the models are nearly linear.
+    Approximate,
 }
 
 const fn entry(name: &'static str, about: &'static str, source: &'static str) -> Entry {
-    Entry { name, about, source }
+    Entry { name, about, source, class: None }
+}
+
+const fn classed(class: Class, name: &'static str, about: &'static str, source: &'static str) -> Entry {
+    Entry { name, about, source, class: Some(class) }
 }
 
 /// The motion models of [`model::motion`](crate::model::motion).
@@ -67,13 +84,51 @@ pub const MEASUREMENTS: &[Entry] = &[
     entry("upf-growth", "square first, straight later", "van der Merwe, Doucet, de Freitas and Wan 2000"),
 ];
 
+/// The filters of [`filter`](crate::filter), as [`track`](crate::track) makes them by name.
+pub const FILTERS: &[Entry] = &[
+    classed(Class::Exact, "kalman", "exact for linear motion and measurement, refuses others", "Kalman 1960"),
+    classed(Class::Approximate, "ekf", "extended Kalman filter: tangents at the mean", "Jazwinski 1970"),
+    classed(
+        Class::Approximate,
+        "ukf",
+        "unscented Kalman filter: sigma points instead of tangents",
+        "Julier and Uhlmann 2004",
+    ),
+    classed(
+        Class::Consistent,
+        "particle",
+        "particle filter with resampling (sequential importance resampling)",
+        "Gordon, Salmond and Smith 1993",
+    ),
+    classed(Class::Consistent, "sir", "another name of `particle`", "Gordon, Salmond and Smith 1993"),
+    classed(
+        Class::Consistent,
+        "sis",
+        "particle filter that never resamples (sequential importance sampling)",
+        "Handschin and Mayne 1969",
+    ),
+];
+
+/// The resamplers of [`Resampling`](crate::resample::Resampling); each gives particle i on average n w_i copies.
+pub const RESAMPLERS: &[Entry] = &[
+    classed(Class::Consistent, "multinomial", "independent draws", "Gordon, Salmond and Smith 1993"),
+    classed(Class::Consistent, "residual", "whole copies for sure, the rest drawn", "Liu and Chen 1998"),
+    classed(Class::Consistent, "stratified", "one draw in each of n equal strata", "Kitagawa 1996"),
+    classed(
+        Class::Consistent,
+        "systematic",
+        "the same place in each of n equal strata: least work, small spread",
+        "Carpenter, Clifford and Fearnhead 1999",
+    ),
+];
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn names_are_kebab_case_and_unique() {
-        for list in [MOTIONS, MEASUREMENTS] {
+        for list in [MOTIONS, MEASUREMENTS, FILTERS, RESAMPLERS] {
             for (i, entry) in list.iter().enumerate() {
                 assert!(entry.name.split('-').all(|word| !word.is_empty()), "{entry:?}");
                 assert!(entry.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{entry:?}");

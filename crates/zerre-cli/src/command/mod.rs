@@ -6,6 +6,7 @@ mod compare;
 mod init;
 mod schema;
 mod simulate;
+mod track;
 
 use crate::Exit;
 use crate::args::{Args, Command, Global, Simd};
@@ -28,7 +29,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Simulate(of) => simulate::run(of, &args.global, console),
         Command::Compare(of) => compare::run(of, &args.global, console),
         Command::Bench { quick } => bench::run(&args.global, *quick, console),
-        Command::Track(_) => Err(Diagnostic::new("this build holds no engine to run the command")),
+        Command::Track(track) => track::run(track, &args.global, console),
     }
 }
 

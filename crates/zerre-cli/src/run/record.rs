@@ -65,8 +65,13 @@ impl Record {
 
     /// Counts one more of a degeneracy; `action` says what was done about it.
     pub fn outcome(&mut self, name: &str, action: &str) {
+        self.outcomes_of(name, action, 1);
+    }
+
+    /// Counts `count` more of a degeneracy.
+    pub fn outcomes_of(&mut self, name: &str, action: &str, count: u64) {
         let new = || OutcomeCount { count: 0, action: action.to_owned() };
-        self.outcomes.entry(name.to_owned()).or_insert_with(new).count += 1;
+        self.outcomes.entry(name.to_owned()).or_insert_with(new).count += count;
     }
 }
 
@@ -90,8 +95,11 @@ pub struct Counts {
     pub used: u64,
     /// Rows rejected, by reason.
     pub rejected: BTreeMap<String, u64>,
-    /// Rows without a measurement.
+    /// Empty cells where a measurement could stand.
     pub missing: u64,
+    /// Sound rows that give no new measurement, by reason.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub left_out: BTreeMap<String, u64>,
 }
 
 /// How often something happened, and what was done about it.
@@ -151,11 +159,16 @@ impl<R: Read> Hashing<R> {
     /// Those of the reader.
     pub fn finish(mut self, path: &str) -> io::Result<Input> {
         io::copy(&mut self, &mut io::sink())?;
-        Ok(Input {
+        Ok(self.so_far(path))
+    }
+
+    /// What of the input was read; for streams that are left before their end.
+    pub fn so_far(self, path: &str) -> Input {
+        Input {
             path: path.to_owned(),
             bytes: self.bytes,
             sha256: hexadecimal(self.digest.finalize().as_slice()),
-        })
+        }
     }
 }
 

@@ -240,8 +240,8 @@ fn uniform_blocks<const N: usize>(states: &[Vec<f64>; N]) -> Vec<BlockSums<N>> {
 
 /// What of a cloud is saved; the rest follows from it. The logarithm of a weight of zero is saved as absent, because
 /// text formats have no infinities.
-#[derive(Serialize, Deserialize)]
-struct Saved {
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct SavedCloud {
     time: Time,
     stream: Stream,
     step: u64,
@@ -266,7 +266,21 @@ fn load_log(saved: Option<f64>) -> Result<f64> {
 
 impl<const N: usize> Serialize for Cloud<N> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Saved {
+        self.saved().serialize(serializer)
+    }
+}
+
+impl<'de, const N: usize> Deserialize<'de> for Cloud<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let saved = SavedCloud::deserialize(deserializer)?;
+        Cloud::restore(saved).map_err(serde::de::Error::custom)
+    }
+}
+
+impl<const N: usize> Cloud<N> {
+    /// What has to be kept to go on to the same bits.
+    pub(crate) fn saved(&self) -> SavedCloud {
+        SavedCloud {
             time: self.time,
             stream: self.stream,
             step: self.step,
@@ -281,19 +295,10 @@ impl<const N: usize> Serialize for Cloud<N> {
                 .collect(),
             survivors: self.pending.then(|| self.ancestors.clone()),
         }
-        .serialize(serializer)
     }
-}
 
-impl<'de, const N: usize> Deserialize<'de> for Cloud<N> {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let saved = Saved::deserialize(deserializer)?;
-        Cloud::restore(saved).map_err(serde::de::Error::custom)
-    }
-}
-
-impl<const N: usize> Cloud<N> {
-    fn restore(saved: Saved) -> Result<Self> {
+    /// The cloud that was saved.
+    pub(crate) fn restore(saved: SavedCloud) -> Result<Self> {
         let shape = |what, found, expected| {
             if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
         };

@@ -3,5 +3,6 @@
 mod cloud;
 mod gaussian;
 
+pub(crate) use cloud::SavedCloud;
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};

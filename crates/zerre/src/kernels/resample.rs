@@ -294,24 +294,29 @@ fn splat_last<S: Token>(simd: S, x: Lanes<S>) -> Lanes<S> {
     Lanes::splat(simd, x.0[LANES - 1])
 }
 
-/// What rounding of sums leaves below a whole number of copies counts as whole: equal weights are one copy each.
-const ALMOST_WHOLE: f64 = 1.0 + 1e-12;
-
-/// Splits `weights * share` into whole copies and fractions, and returns the number of copies.
+/// Splits `weights * factor * per_weight` into whole copies and fractions, and returns the number of copies. The two
+/// factors stay apart: their product may overflow for the smallest weights.
 pub(crate) fn split_copies(
     level: Simd,
     weights: &[f64],
-    share: f64,
+    (factor, per_weight): (f64, f64),
     whole: &mut [u32],
     fraction: &mut [f64],
 ) -> u64 {
     #[inline(always)]
-    fn run<T>(weights: &[f64], share: f64, whole: &mut [u32], fraction: &mut [f64], _: T) -> u64 {
+    fn run<T>(
+        weights: &[f64],
+        (factor, per_weight): (f64, f64),
+        whole: &mut [u32],
+        fraction: &mut [f64],
+        _: T,
+    ) -> u64 {
         let mut sum = 0;
         for ((w, whole), fraction) in weights.iter().zip(whole).zip(fraction) {
-            let expected = w * share;
+            let expected = w * factor * per_weight;
             // Below 2^31 by the limit on the number of particles; the signed conversion is one instruction.
-            let copies = (expected * ALMOST_WHOLE) as i32;
+            // What a sum of rounded weights leaves below a whole number counts as whole: equal weights are a copy each.
+            let copies = (expected * (1.0 + 1e-12)) as i32;
             *whole = copies as u32;
             *fraction = (expected - f64::from(copies)).max(0.0);
             sum += copies as u64;
@@ -320,8 +325,8 @@ pub(crate) fn split_copies(
     }
     dispatch!(
         level,
-        simd => run(weights, share, whole, fraction, simd),
-        naive => run(weights, share, whole, fraction, ())
+        simd => run(weights, (factor, per_weight), whole, fraction, simd),
+        naive => run(weights, (factor, per_weight), whole, fraction, ())
     )
 }
 

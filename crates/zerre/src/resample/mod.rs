@@ -116,13 +116,11 @@ impl Resampler {
             pairs.push((1.0, sum));
         }
         Error::positive("sum of the weights", total)?;
+        if total < TINY {
+            pairs.iter_mut().for_each(|(factor, _)| *factor = FROM_TINY);
+        }
         if ancestors.is_empty() {
             return Ok(0);
-        }
-        // Draws per weight would overflow: a power of two, which costs no digits, brings such weights back.
-        if total < 1e-290 {
-            let scaled: Vec<f64> = weights.iter().map(|w| w * f64::from_bits((1023 + 600) << 52)).collect();
-            return self.ancestors(&scaled, stream, step, ancestors);
         }
         let context = Context { level: self.simd, threads: &self.threads, stream, step };
         let drawn =
@@ -140,6 +138,10 @@ pub(crate) struct Context<'a> {
     pub(crate) stream: Stream,
     pub(crate) step: u64,
 }
+
+/// Draws per weight would overflow below this sum of weights; a power of two, which costs no digits, brings it back.
+const TINY: f64 = 1e-290;
+const FROM_TINY: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Resampling {
     /// Ancestors (indices into `weights`, ascending) of `ancestors.len()` new particles; see [`Resampler::ancestors`].
@@ -284,18 +286,18 @@ fn residual(
     scratch.cumulative[n] = f64::INFINITY;
     let (mut sure, mut before) = (0, 0.0);
     for (b, weights) in from.weights.chunks(BLOCK).enumerate() {
-        let share = from.blocks[b].0 * (draws as f64 / total);
+        let factors = (from.blocks[b].0, draws as f64 / total);
         let range = b * BLOCK..b * BLOCK + weights.len();
         let mut fractions = [0.0; BLOCK];
         let fractions = &mut fractions[..weights.len()];
-        sure += split_copies(context.level, weights, share, &mut scratch.copies[range.clone()], fractions);
+        sure += split_copies(context.level, weights, factors, &mut scratch.copies[range.clone()], fractions);
         before = prefix_sums(context.level, fractions, 1.0, before, &mut scratch.cumulative[range]);
     }
-    // The floors of expectations that sum to `draws` sum to at most that: rounding lifts each by less than 1e-9.
+    // Whole parts of expectations that sum to `draws` sum to at most that: each is lifted by less than 1e-11 of itself.
     let rest = draws.saturating_sub(sure as usize);
+    // The rest varies: room for any, so that no later step allocates.
+    scratch.positions.reserve((draws + 1).saturating_sub(scratch.positions.len()));
     if rest > 0 {
-        // The rest varies: room for any, so that no later step allocates.
-        scratch.positions.reserve((draws + 1).saturating_sub(scratch.positions.len()));
         let scale = before * sorted_uniforms(context, rest, &mut scratch.positions);
         let extra = &mut ancestors[..rest];
         merge_sorted(&scratch.cumulative, &scratch.positions, scale, extra);

@@ -18,6 +18,8 @@ impl TrackConfig {
 
         let m = &self.motion;
         let motion = |key| ["motion", key];
+        not_negative(&motion("speed_sd_mps"), m.speed_sd_mps)?;
+        finite(&motion("lateral_acceleration_mps2"), m.lateral_acceleration_mps2)?;
         not_negative(&motion("acceleration_sd_mps2"), m.acceleration_sd_mps2)?;
         not_negative(&motion("jerk_sd_mps3"), m.jerk_sd_mps3)?;
         finite(&motion("turn_rate_rad_s"), m.turn_rate_rad_s)?;
@@ -32,6 +34,11 @@ impl TrackConfig {
         positive(&["start", "speed_sd_mps"], self.start.speed_sd_mps)?;
         positive(&["start", "acceleration_sd_mps2"], self.start.acceleration_sd_mps2)?;
         positive(&["start", "turn_rate_sd_rad_s"], self.start.turn_rate_sd_rad_s)?;
+        positive(&["start", "position_sd_m"], self.start.position_sd_m)?;
+        coordinates(&["start", "position_m"], self.start.position_m.as_deref())?;
+        if self.start.position_m.is_some() != self.start.position_sd_m.is_some() {
+            return Err(problem(&["start"], "position_m and position_sd_m need each other"));
+        }
         positive(&["track", "max_gap_s"], self.life.max_gap_s)?;
         self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))
     }
@@ -56,13 +63,7 @@ impl SensorConfig {
         either(&at("elevation_sd_deg"), "elevation_sd_rad", both)?;
         either(&at("position"), "position_m", self.position.is_some() && self.position_m.is_some())?;
         geodetic(&at("position"), self.position)?;
-        if let Some(position) = &self.position_m {
-            if !(2..=3).contains(&position.len()) {
-                let what = format!("x, y or x, y, z are needed; the list holds {}", position.len());
-                return Err(problem(&at("position_m"), &what));
-            }
-            position.iter().try_for_each(|value| finite(&at("position_m"), Some(*value)))?;
-        }
+        coordinates(&at("position_m"), self.position_m.as_deref())?;
         let below_one = |value: f64| (0.0..1.0).contains(&value);
         range(&at("gate"), self.gate, below_one, "a probability from 0 to below 1 is needed (0: no gate)")?;
         let robust = |key| ["sensor", name, "robust", key];
@@ -80,6 +81,15 @@ impl SensorConfig {
             }
         }
     }
+}
+
+fn coordinates(path: &[&str], list: Option<&[f64]>) -> Result<(), Problem> {
+    let Some(list) = list else { return Ok(()) };
+    if !(2..=3).contains(&list.len()) {
+        let what = format!("x, y or x, y, z are needed; the list holds {}", list.len());
+        return Err(problem(path, &what));
+    }
+    list.iter().try_for_each(|value| finite(path, Some(*value)))
 }
 
 fn problem(path: &[&str], what: &str) -> Problem {

@@ -71,12 +71,17 @@ pub struct FilterConfig {
 pub struct MotionConfig {
     /// A name of `zerre catalog motions`, or `auto`.
     pub model: Option<String>,
-    /// Standard deviation of the acceleration, m/s².
+    /// Standard deviation of the velocity averaged over a second, m/s (random-walk).
+    #[schemars(range(min = 0.0))]
+    pub speed_sd_mps: Option<f64>,
+    /// Standard deviation of the acceleration averaged over a second, m/s².
     #[schemars(range(min = 0.0))]
     pub acceleration_sd_mps2: Option<f64>,
-    /// Standard deviation of the jerk, m/s³.
+    /// Standard deviation of the jerk averaged over a second, m/s³ (constant-acceleration).
     #[schemars(range(min = 0.0))]
     pub jerk_sd_mps3: Option<f64>,
+    /// A known acceleration across the velocity, to the left, m/s² (manoeuvre-turn).
+    pub lateral_acceleration_mps2: Option<f64>,
     /// A known turn rate, counter-clockwise, rad/s.
     pub turn_rate_rad_s: Option<f64>,
     /// Standard deviation of the change of the turn rate, rad/s².
@@ -139,6 +144,12 @@ pub struct StartConfig {
     /// Of the turn rate, rad/s.
     #[schemars(range(min = 0.0))]
     pub turn_rate_sd_rad_s: Option<f64>,
+    /// Where targets are believed to appear: x, y or x, y, z, m; for bearings and ranges alone.
+    #[schemars(length(min = 2, max = 3))]
+    pub position_m: Option<Vec<f64>>,
+    /// Standard deviation of each coordinate of it, m.
+    #[schemars(range(min = 0.0))]
+    pub position_sd_m: Option<f64>,
 }
 
 /// One sensor: where it stands and how far it errs. An absent standard deviation is learnt from the recording.

@@ -1,0 +1,105 @@
+//! `zerre track`: follows identified targets in recorded measurements.
+
+mod input;
+mod live;
+mod outcome;
+mod report;
+mod scores;
+mod settings;
+mod work;
+
+use crate::Exit;
+use crate::args::{Global, Track};
+use crate::config::{Source, TrackConfig};
+use crate::console::Console;
+use crate::diagnostic::Diagnostic;
+use crate::run::{Destination, Folder, Record, State, interrupted, listen};
+use settings::Settings;
+use std::path::Path;
+use std::time::Instant;
+use work::Workers;
+
+/// What all parts of the command are told.
+struct Call<'a> {
+    args: &'a Track,
+    global: &'a Global,
+    console: &'a Console,
+    since: Instant,
+}
+
+pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let call = Call { args, global, console, since: Instant::now() };
+    let source = args.config.as_deref().map(Source::read).transpose()?;
+    let config = match &source {
+        Some(source) => TrackConfig::from_source(source)?,
+        None => TrackConfig::default(),
+    };
+    let mut settings = Settings::new(args, source, config)?;
+    let workers = Workers::new(global)?;
+    let standard_input = Path::new("-");
+    if args.inputs.iter().any(|input| input == standard_input) {
+        if args.inputs.len() > 1 {
+            return Err(Diagnostic::usage("standard input (-) cannot be read together with files"));
+        }
+        if args.truth.is_some() && !global.json {
+            let text = "a stream is not scored: rows leave as soon as they are made";
+            return Err(Diagnostic::usage(text)
+                .help("leave --truth out, or give --json to read all of the input first"));
+        }
+        if !global.json {
+            return live::run(&call, settings, &workers);
+        }
+    }
+
+    // The folder first: a wrong --out is told before the work, not after it.
+    let place = Destination::of(global, "track", args.inputs.first().map(|input| input.as_path()));
+    let mut folder = Folder::open(&place, "track")?;
+    listen()?;
+    let input = input::read(&call, &settings)?;
+    settings.settle(&input.plots, input.has_height, console)?;
+    let mut run = work::follow(&settings.spec(global.seed), &input.plots, &workers, console)?;
+    run.check_started(&input)?;
+    if !interrupted()
+        && let Some((reference, other)) =
+            run.against_kalman(&settings.spec(global.seed), &input.plots, &workers, console)
+    {
+        if settings.prefer(&reference) {
+            run = other;
+        } else {
+            run.reference = Some(reference);
+        }
+    }
+    if global.explain {
+        console.info(&settings.effective);
+    }
+    let scores = scores::score(&call, &settings, &input, &run)?;
+    let outcome = outcome::Outcome::of(&run, &input)?;
+
+    let mut record = Record::new("track", global.seed, settings.effective.to_json());
+    record.state = if interrupted() { State::Interrupted } else { State::Complete };
+    record.input = input.files.clone();
+    record.counts = input.counts.clone();
+    outcome.record(&mut record);
+    let table = outcome.table(&run)?;
+    record.estimates_digest = Some(outcome.digest(&table));
+    folder.write("tracks.csv", |out| table.write_csv(out))?;
+    folder.write("tracks.parquet", |out| table.write_parquet(out))?;
+    if let Some(frame) = &input.frame {
+        let text = table.geojson(frame).map_err(|error| Diagnostic::new(error.to_string()))?;
+        folder.write("tracks.geojson", |out| std::io::Write::write_all(out, text.as_bytes()))?;
+    }
+    let page = report::page(&call, &settings, &input, &run, &outcome, &scores, &record);
+    folder.write("report.html", |out| std::io::Write::write_all(out, page.as_bytes()))?;
+    record.seconds = call.since.elapsed().as_secs_f64();
+    let path = folder.finish(&record)?;
+
+    outcome.summarise(&call, &settings, &run, &input, &scores, &path.join("report.html"));
+    if global.json {
+        console.document(&outcome.document(&record, &scores))?;
+    }
+    let degraded = outcome.degraded();
+    if interrupted() {
+        console.warn("stopped before the end: what is written is complete as far as it goes");
+    }
+    Ok(if args.strict && degraded { Exit::Degraded } else { Exit::Done })
+}

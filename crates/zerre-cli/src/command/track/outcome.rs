@@ -1,0 +1,407 @@
+//! What came of a run: tracks, sensors, degeneracies, and how they are told.
+
+use super::Call;
+use super::input::Input;
+use super::scores::Scores;
+use super::settings::{Settings, counted};
+use super::work::Run;
+use crate::diagnostic::Diagnostic;
+use crate::run::{EstimatesDigest, Record};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+use std::sync::Arc;
+use zerre::Time;
+use zerre::track::{Event, Plot, Reading, Row, State};
+use zerre_io::{Component, TrackRow, TrackTable, Unit};
+use zerre_lab::consistency::{Assessment, SensorInnovations, WhitenedComponent, assess};
+
+/// One track.
+pub(super) struct Track {
+    pub id: Arc<str>,
+    pub start: Time,
+    pub end: Time,
+    /// Measurements that were used, the first one too.
+    pub updates: u64,
+    /// Measurements that were not.
+    pub missed: u64,
+    /// What else happened.
+    pub events: BTreeMap<Event, u64>,
+    /// Its rows in the order of time: index of the plot, row.
+    pub rows: Vec<usize>,
+}
+
+/// One kind of reading of one sensor.
+pub(super) struct Sensor {
+    pub name: String,
+    pub components: &'static [&'static str],
+    pub used: u64,
+    pub gated: u64,
+    pub assessment: Option<Assessment>,
+}
+
+pub(super) struct Outcome {
+    pub tracks: Vec<Track>,
+    pub sensors: Vec<Sensor>,
+    /// Place of each plot's sensor in `sensors`.
+    pub sensor_of: Vec<usize>,
+    pub events: BTreeMap<Event, u64>,
+    pub log_evidence: f64,
+    /// Whether a row's innovation is judged: not while the first measurements still fix the state.
+    pub judged: Vec<bool>,
+    out_of_order: u64,
+    repeated: u64,
+}
+
+/// What the numbers of a reading are.
+fn components(reading: &Reading) -> (&'static str, &'static [&'static str]) {
+    match reading {
+        Reading::Position2(_) => ("position", &["x", "y"]),
+        Reading::Position3(_) => ("position", &["x", "y", "z"]),
+        Reading::RangeBearing(_) => ("range and bearing", &["range", "bearing"]),
+        Reading::RangeBearingElevation(_) => {
+            ("range, bearing and elevation", &["range", "bearing", "elevation"])
+        }
+        Reading::Bearing(_) => ("bearing", &["bearing"]),
+        Reading::Range(_) => ("range", &["range"]),
+        Reading::RangeRate(_) => ("range rate", &["range rate"]),
+        _ => ("reading", &[]),
+    }
+}
+
+/// What is done about an event, in a word or two; `None` for what is as it should be.
+fn action(event: Event) -> Option<&'static str> {
+    match event {
+        Event::Gated | Event::Degenerate => Some("predicted"),
+        Event::Restarted => Some("belief started anew from the measurement"),
+        Event::OutOfOrder | Event::Waiting => Some("not used"),
+        _ => None,
+    }
+}
+
+impl Outcome {
+    pub fn of(run: &Run, input: &Input) -> Result<Outcome, Diagnostic> {
+        let mut tracks: BTreeMap<Arc<str>, Track> = BTreeMap::new();
+        let mut places: BTreeMap<(Option<&str>, &str), usize> = BTreeMap::new();
+        let mut sensors: Vec<Sensor> = Vec::new();
+        let mut outcome = Outcome {
+            tracks: Vec::new(),
+            sensors: Vec::new(),
+            sensor_of: Vec::with_capacity(input.plots.len()),
+            events: BTreeMap::new(),
+            log_evidence: 0.0,
+            judged: vec![false; input.plots.len()],
+            out_of_order: input.out_of_order,
+            repeated: input.repeated,
+        };
+        let fixing = orders(&run.states);
+        for (index, plot) in input.plots.iter().enumerate() {
+            let (kind, names) = components(&plot.reading);
+            let place = *places.entry((plot.sensor.as_deref(), kind)).or_insert_with(|| {
+                let name = match plot.sensor.as_deref() {
+                    Some(sensor) => format!("{sensor}, {kind}"),
+                    None => kind.to_owned(),
+                };
+                sensors.push(Sensor { name, components: names, used: 0, gated: 0, assessment: None });
+                sensors.len() - 1
+            });
+            outcome.sensor_of.push(place);
+            let Some(row) = &run.rows[index] else { continue };
+            *outcome.events.entry(row.event).or_default() += 1;
+            let used = matches!(row.event, Event::Started | Event::Updated | Event::Restarted);
+            sensors[place].used += u64::from(used);
+            sensors[place].gated += u64::from(row.event == Event::Gated);
+            outcome.log_evidence += evidence(row).unwrap_or(0.0);
+            if row.mean.is_empty() {
+                continue;
+            }
+            let track = tracks.entry(Arc::clone(&row.id)).or_insert_with(|| Track {
+                id: Arc::clone(&row.id),
+                start: row.time,
+                end: row.time,
+                updates: 0,
+                missed: 0,
+                events: BTreeMap::new(),
+                rows: Vec::new(),
+            });
+            track.end = track.end.max(row.time);
+            track.updates += u64::from(used);
+            track.missed += u64::from(!used);
+            if action(row.event).is_some() {
+                *track.events.entry(row.event).or_default() += 1;
+            }
+            outcome.judged[index] = track.updates > fixing && row.innovation.is_some();
+            track.rows.push(index);
+        }
+        outcome.sensors = sensors;
+        outcome.tracks = tracks.into_values().collect();
+        outcome.assess(run, input)?;
+        Ok(outcome)
+    }
+
+    /// Judges the innovations of every sensor.
+    fn assess(&mut self, run: &Run, input: &Input) -> Result<(), Diagnostic> {
+        for (place, sensor) in self.sensors.iter_mut().enumerate() {
+            let names = sensor.components;
+            let mut all = SensorInnovations {
+                sensor: sensor.name.clone(),
+                dimension: names.len().max(1),
+                components: names
+                    .iter()
+                    .map(|name| WhitenedComponent { name: (*name).to_owned(), series: Vec::new() })
+                    .collect(),
+                ..SensorInnovations::default()
+            };
+            let mut share = 0.0;
+            for track in &self.tracks {
+                let of_track: Vec<_> = track
+                    .rows
+                    .iter()
+                    .filter(|&&index| self.judged[index] && self.sensor_of[index] == place)
+                    .filter_map(|&index| run.rows[index].as_ref()?.innovation.as_ref())
+                    .collect();
+                for (c, component) in all.components.iter_mut().enumerate() {
+                    component.series.push(
+                        of_track
+                            .iter()
+                            .filter_map(|innovation| innovation.whitened.get(c).copied())
+                            .collect(),
+                    );
+                }
+                all.nis.extend(of_track.iter().map(|innovation| innovation.nis));
+                share += of_track.iter().map(|innovation| innovation.noise_share).sum::<f64>();
+            }
+            if !all.nis.is_empty() {
+                all.noise_share = Some((share / all.nis.len() as f64).clamp(f64::MIN_POSITIVE, 1.0));
+            }
+            let judged = assess(&all).map_err(|error| Diagnostic::new(error.to_string()))?;
+            sensor.assessment = Some(judged);
+        }
+        debug_assert_eq!(self.sensor_of.len(), input.plots.len());
+        Ok(())
+    }
+
+    /// Whether a track was lost or a filter contradicts its measurements.
+    pub fn degraded(&self) -> bool {
+        let bad = [Event::Degenerate, Event::Restarted];
+        let inconsistent = |a: &Assessment| a.is_judged() && !a.is_consistent();
+        bad.iter().any(|event| self.events.contains_key(event))
+            || self.sensors.iter().filter_map(|s| s.assessment.as_ref()).any(inconsistent)
+    }
+
+    pub fn count(&self, event: Event) -> u64 {
+        self.events.get(&event).copied().unwrap_or(0)
+    }
+
+    /// Writes degeneracies and what was done about them into the record.
+    pub fn record(&self, record: &mut Record) {
+        for (&event, &count) in &self.events {
+            if let Some(action) = action(event) {
+                record.outcomes_of(event.name(), action, count);
+            }
+        }
+        if self.out_of_order > 0 {
+            record.outcomes_of("row-out-of-order", "sorted by time", self.out_of_order);
+        }
+        if self.repeated > 0 {
+            record.outcomes_of("row-repeated", "used again at the same time", self.repeated);
+        }
+    }
+
+    /// The estimates, in the order of the measurements.
+    pub fn table(&self, run: &Run) -> Result<TrackTable, Diagnostic> {
+        let mut table = TrackTable::new(run.states.iter().map(|&state| component(state)).collect());
+        for row in run.rows.iter().flatten() {
+            if let Some(row) = track_row(row) {
+                table.push(row).map_err(|error| Diagnostic::new(error.to_string()))?;
+            }
+        }
+        Ok(table)
+    }
+
+    pub fn digest(&self, table: &TrackTable) -> String {
+        let mut digest = EstimatesDigest::default();
+        table.rows().iter().for_each(|row| digest.push(&row.mean));
+        digest.finish()
+    }
+
+    /// The document of `--json`.
+    pub fn document(&self, record: &Record, scores: &Scores) -> Value {
+        let tracks: Vec<Value> = self
+            .tracks
+            .iter()
+            .map(|t| {
+                json!({
+                    "id": &*t.id, "start": t.start.secs(), "end": t.end.secs(),
+                    "updates": t.updates, "missed": t.missed,
+                })
+            })
+            .collect();
+        let sensors: Vec<Value> = self
+            .sensors
+            .iter()
+            .map(|s| {
+                let verdict = s.assessment.as_ref().map(Assessment::to_string);
+                let consistent = s.assessment.as_ref().map(Assessment::is_consistent);
+                json!({
+                    "sensor": s.name, "used": s.used, "gated": s.gated,
+                    "verdict": verdict, "consistent": consistent,
+                })
+            })
+            .collect();
+        let mut document = json!({
+            "tracks": tracks,
+            "counts": record.counts,
+            "outcomes": record.outcomes,
+            "sensors": sensors,
+            "log_evidence": self.log_evidence,
+            "estimates_digest": record.estimates_digest,
+        });
+        if let (Some(scores), Value::Object(map)) = (&scores.values, &mut document) {
+            map.insert("scores".to_owned(), json!(scores));
+        }
+        document
+    }
+
+    /// The summary for people.
+    pub fn summarise(
+        &self,
+        call: &Call<'_>,
+        settings: &Settings,
+        run: &Run,
+        input: &Input,
+        scores: &Scores,
+        page: &Path,
+    ) {
+        let mut lines: Vec<(&str, String)> = Vec::new();
+        let ids = self.tracks.len();
+        lines.push(("tracks", format!("{ids}{}", span(&self.tracks))));
+        let used = self.count(Event::Started) + self.count(Event::Updated) + self.count(Event::Restarted);
+        lines.push(("measurements", format!("{used} used of {}{}", input.plots.len(), self.unused())));
+        let rejected: u64 = input.counts.rejected.values().sum();
+        if rejected > 0 {
+            let reasons: Vec<_> =
+                input.counts.rejected.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+            lines.push((
+                "rows rejected",
+                format!("{rejected} of {}: {}", input.counts.read, reasons.join(", ")),
+            ));
+        }
+        lines.push(("filter", settings.filter_text()));
+        lines.push(("log-evidence", format!("{}{}", evidence_text(self.log_evidence), against(run))));
+        let lab = zerre_lab::consistency::ENOUGH;
+        for sensor in &self.sensors {
+            let verdict = match &sensor.assessment {
+                Some(a) if a.is_judged() => a.to_string(),
+                Some(a) => format!("{} innovations, too few to judge (at least {lab})", a.samples),
+                None => continue,
+            };
+            lines.push(("consistency", format!("{}: {verdict}", sensor.name)));
+        }
+        for (name, value) in scores.values.iter().flatten() {
+            lines.push((name, format!("{value:.3}")));
+        }
+        lines.push(("report", page.display().to_string()));
+        let width = lines.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+        let mut text = String::new();
+        let mut before = "";
+        for (name, value) in &lines {
+            // A name stands once for several lines of its kind.
+            let shown = if *name == before { "" } else { name };
+            let _ = writeln!(text, "{shown:width$}  {value}");
+            before = name;
+        }
+        call.console.info(text.trim_end());
+    }
+
+    /// ": 3 gated, 1 degenerate".
+    fn unused(&self) -> String {
+        let parts: Vec<_> = self
+            .events
+            .iter()
+            .filter(|(event, _)| action(**event).is_some())
+            .map(|(event, count)| format!("{count} {}", event.name()))
+            .collect();
+        if parts.is_empty() { String::new() } else { format!(": {}", parts.join(", ")) }
+    }
+}
+
+/// ", from 0 s to 299 s (5 min)".
+fn span(tracks: &[Track]) -> String {
+    let (Some(start), Some(end)) = (tracks.iter().map(|t| t.start).min(), tracks.iter().map(|t| t.end).max())
+    else {
+        return String::new();
+    };
+    let secs = (end - start).secs();
+    let length = match secs {
+        s if s < 120.0 => format!("{s:.1} s"),
+        s if s < 7200.0 => format!("{:.1} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    };
+    format!(" over {length}")
+}
+
+/// " (kalman 12.3: ...)" where a reference was run.
+fn against(run: &Run) -> String {
+    let Some(reference) = &run.reference else { return String::new() };
+    let note = if reference.is_better() {
+        let loss = reference.loss_per_plot();
+        format!("; the particles lose {loss:.2} per measurement: take more of them, or this filter")
+    } else {
+        String::new()
+    };
+    let shared = counted(reference.plots, "measurement");
+    let (own, theirs) = (evidence_text(reference.own), evidence_text(reference.log_evidence));
+    format!(" (of the same {shared}: {own}, {} {theirs}{note})", reference.filter)
+}
+
+/// A log-evidence with a digit after the point, or as a power of ten where it means nothing but failure.
+pub(super) fn evidence_text(value: f64) -> String {
+    if value.abs() < 1e7 { format!("{value:.1}") } else { format!("{value:.1e}") }
+}
+
+/// So many measurements of a position fix a state: position, velocity, acceleration.
+fn orders(states: &[State]) -> u64 {
+    let acceleration = states.iter().any(|s| matches!(s, State::Acceleration(_) | State::TurnRate));
+    let velocity = states.iter().any(|s| matches!(s, State::Velocity(_)));
+    1 + u64::from(velocity) + u64::from(acceleration)
+}
+
+/// The evidence of the measurement of a row, where it was used.
+pub(super) fn evidence(row: &Row) -> Option<f64> {
+    let update = row.update.filter(|_| row.event == Event::Updated)?;
+    Some(update.log_evidence).filter(|e| e.is_finite())
+}
+
+/// A row as tables hold it; `None` where there is no new estimate.
+pub(super) fn track_row(row: &Row) -> Option<TrackRow> {
+    if row.mean.is_empty() || row.event == Event::OutOfOrder {
+        return None;
+    }
+    Some(TrackRow {
+        id: Arc::clone(&row.id),
+        time: row.time,
+        mean: row.mean.clone(),
+        covariance: row.covariance.clone(),
+        log_evidence: evidence(row),
+        outcome: row.event.name().to_owned(),
+    })
+}
+
+/// Name and unit of a number of the state.
+pub(super) fn component(state: State) -> Component {
+    const AXES: [&str; 3] = ["x", "y", "z"];
+    let axis = |i: usize| AXES.get(i).copied().unwrap_or("?");
+    match state {
+        State::Position(i) => Component::new(axis(i), Unit::M),
+        State::Velocity(i) => Component::new(&format!("v{}", axis(i)), Unit::MPS),
+        State::Acceleration(i) => Component::new(&format!("a{}", axis(i)), Unit::MPS2),
+        State::TurnRate => Component::new("turn_rate", Unit::RADPS),
+    }
+}
+
+/// Name of a plot's sensor where the recording has one.
+pub(super) fn sensor_name(plot: &Plot) -> &str {
+    plot.sensor.as_deref().unwrap_or(zerre::track::DEFAULT_SENSOR)
+}

@@ -1,0 +1,243 @@
+//! `report.html` of a run.
+
+use super::Call;
+use super::input::Input;
+use super::outcome::{Outcome, component, evidence, evidence_text, sensor_name};
+use super::scores::Scores;
+use super::settings::Settings;
+use super::work::{Run, has_particles};
+use crate::run::Record;
+use std::collections::BTreeMap;
+use zerre::Time;
+use zerre::track::{Event, Row};
+use zerre_lab::report::{
+    Counts, InnovationRow, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo, TrackSeries,
+    TruthSeries, render,
+};
+
+pub(super) fn page(
+    call: &Call<'_>,
+    settings: &Settings,
+    input: &Input,
+    run: &Run,
+    outcome: &Outcome,
+    scores: &Scores,
+    record: &Record,
+) -> String {
+    let spec = settings.spec(call.global.seed);
+    let names: Vec<_> = call
+        .args
+        .inputs
+        .iter()
+        .map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned())
+        .collect();
+    let particles = has_particles(&spec.filter.name);
+    let filter = settings.filter_text();
+    let filter = match &run.reference {
+        None => filter,
+        Some(r) => {
+            let verdict = if r.is_better() { "more particles would help" } else { "as good or worse" };
+            format!(
+                "{filter}; log-evidence {}, {} on the same measurements {}: {verdict}",
+                evidence_text(r.own),
+                r.filter,
+                evidence_text(r.log_evidence)
+            )
+        }
+    };
+    let (key, wander) = spec.motion.wander();
+    let motion = match wander {
+        Some(value) => format!("{}, {key} {value}", spec.motion.model),
+        None => spec.motion.model.clone(),
+    };
+    let first = outcome.tracks.iter().map(|t| t.start).min();
+    let report = RunReport {
+        title: names.join(", "),
+        command: command_line(),
+        input: names.join(", "),
+        filter,
+        motion,
+        seed: call.global.seed,
+        start: first.and_then(calendar),
+        plan_note: input.frame.as_ref().map(|frame| {
+            let o = frame.origin();
+            format!(
+                "x points east and y north of {:.5}°, {:.5}° (latitude, longitude).",
+                o.lat_deg, o.lon_deg
+            )
+        }),
+        tracks: outcome
+            .tracks
+            .iter()
+            .map(|track| {
+                let rows = || track.rows.iter().filter_map(|&i| Some((i, run.rows[i].as_ref()?)));
+                let mut series = TrackSeries {
+                    id: track.id.to_string(),
+                    states: run.states.iter().map(|&state| info(state)).collect(),
+                    particles: particles.then_some(spec.filter.particles),
+                    updates: track.updates,
+                    missed: track.missed,
+                    outcomes: track.events.iter().map(|(event, n)| (event.name().to_owned(), *n)).collect(),
+                    ..TrackSeries::default()
+                };
+                let mut sum = 0.0;
+                for (index, row) in rows().filter(|(_, row)| row.event != Event::OutOfOrder) {
+                    sum += evidence(row).unwrap_or(0.0);
+                    push(&mut series, row, sum);
+                    series.plots.extend(run.places[index]);
+                    if let Some(innovation) = row.innovation.as_ref().filter(|_| outcome.judged[index]) {
+                        series.innovations.push(InnovationRow {
+                            time_s: row.time.secs(),
+                            sensor: outcome.sensor_of[index],
+                            nis: innovation.nis,
+                            whitened: innovation.whitened.clone(),
+                        });
+                    }
+                }
+                series.truth = truth(scores, &track.id, (track.start, track.end), run.states.len());
+                series
+            })
+            .collect(),
+        sensors: sensors(settings, input, outcome),
+        counts: Counts {
+            read: input.counts.read,
+            used: input.counts.used,
+            missing: input.counts.missing,
+            rejected: rejected(input),
+        },
+        scores: scores
+            .values
+            .iter()
+            .flatten()
+            .map(|(name, value)| {
+                let metres = name.ends_with("_m") || name.starts_with("gospa");
+                let unit = if metres { "m" } else { "" };
+                let name = name.trim_end_matches("_m").replace('_', " ");
+                Score { name, value: *value, unit: unit.to_owned() }
+            })
+            .collect(),
+        config_text: settings.effective.to_string(),
+        digest: record.estimates_digest.clone().unwrap_or_default(),
+    };
+    render(&report)
+}
+
+fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {
+    let n = row.mean.len();
+    let entry = |i: usize, j: usize| row.covariance.get(i * n + j).copied().unwrap_or(0.0);
+    series.times_s.push(row.time.secs());
+    series.mean.push(row.mean.clone());
+    series.sd.push((0..n).map(|i| entry(i, i).max(0.0).sqrt()).collect());
+    series.position.push([row.mean[0], row.mean[1]]);
+    series.position_cov.push([entry(0, 0), entry(0, 1), entry(1, 1)]);
+    series.ess.push(row.update.and_then(|update| Some(update.particles?.ess)));
+    series.log_evidence.push(log_evidence);
+}
+
+fn info(state: zerre::track::State) -> StateInfo {
+    use zerre::track::State::{Acceleration, Position, TurnRate, Velocity};
+    let unit = match state {
+        Position(_) => "m",
+        Velocity(_) => "m/s",
+        Acceleration(_) => "m/s²",
+        TurnRate => "rad/s",
+    };
+    StateInfo { name: component(state).name.replace('_', " "), unit: unit.to_owned() }
+}
+
+fn truth(scores: &Scores, id: &str, (start, end): (Time, Time), states: usize) -> Option<TruthSeries> {
+    let way = scores.way(id)?;
+    let mut series = TruthSeries { states: vec![Vec::new(); states], ..TruthSeries::default() };
+    let points = || way.points().iter().filter(|point| (start..=end).contains(&point.time));
+    for point in points() {
+        series.times_s.push(point.time.secs());
+        series.position.push([point.position[0], point.position[1]]);
+    }
+    for (axis, values) in series.states.iter_mut().take(2).enumerate() {
+        *values = points().map(|point| point.position[axis]).collect();
+    }
+    Some(series)
+}
+
+fn sensors(settings: &Settings, input: &Input, outcome: &Outcome) -> Vec<SensorReport> {
+    let spec = settings.spec(0);
+    let first: BTreeMap<usize, &str> =
+        outcome.sensor_of.iter().zip(&input.plots).rev().map(|(&i, plot)| (i, sensor_name(plot))).collect();
+    let place = |i: usize| {
+        let [x, y, _] = spec.sensors.get(*first.get(&i)?)?.position_m;
+        Some([x, y])
+    };
+    let report = |(i, sensor): (usize, &super::outcome::Sensor)| SensorReport {
+        name: sensor.name.clone(),
+        components: sensor.components.iter().map(|c| (*c).to_owned()).collect(),
+        // A sensor of positions stands nowhere in particular.
+        position: place(i).filter(|_| sensor.components.first() != Some(&"x")),
+        used: sensor.used,
+        missing: 0,
+        gated: sensor.gated,
+        assessment: sensor.assessment.clone(),
+    };
+    outcome.sensors.iter().enumerate().map(report).collect()
+}
+
+/// Refused rows by reason, each with the first few.
+fn rejected(input: &Input) -> Vec<Rejection> {
+    let examples = |reason: &str| {
+        let of_reason = input.rejections.iter().filter(|r| r.reason == reason).take(5);
+        of_reason
+            .map(|r| RejectedRow {
+                line: r.line,
+                column: r.column.clone().unwrap_or_default(),
+                value: r.value.clone(),
+            })
+            .collect()
+    };
+    let of = |(reason, count): (&String, &u64)| Rejection {
+        reason: reason.clone(),
+        count: *count,
+        examples: examples(reason),
+    };
+    input.counts.rejected.iter().map(of).collect()
+}
+
+/// The words of the command line, those with blanks in quotes.
+fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    let quoted = words.map(|w| if w.contains(char::is_whitespace) { format!("{w:?}") } else { w });
+    std::iter::once("zerre".to_owned()).chain(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// Date and time of seconds since 1970. Times before September 2001 are taken for an epoch of the recording's own:
+/// no date is told.
+fn calendar(time: Time) -> Option<String> {
+    let secs = time.nanos().div_euclid(1_000_000_000);
+    if secs < 1_000_000_000 {
+        return None;
+    }
+    // Days to a date: Hinnant, "chrono-compatible low-level date algorithms".
+    let (days, rest) = (secs.div_euclid(86_400), secs.rem_euclid(86_400));
+    let z = days + 719_468;
+    let (era, day_of_era) = (z.div_euclid(146_097), z.rem_euclid(146_097));
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_index = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_index + 2) / 5 + 1;
+    let month = if month_index < 10 { month_index + 3 } else { month_index - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    let (hour, minute, second) = (rest / 3600, rest / 60 % 60, rest % 60);
+    Some(format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::calendar;
+    use zerre::Time;
+
+    #[test]
+    fn dates_of_seconds() {
+        let date = |secs: &str| calendar(Time::parse_secs(secs).unwrap());
+        assert_eq!(date("1575888665.9").unwrap(), "2019-12-09T10:51:05Z");
+        assert_eq!(date("1709164800").unwrap(), "2024-02-29T00:00:00Z");
+        assert_eq!(date("28800"), None);
+    }
+}

@@ -1,0 +1,388 @@
+//! From a configuration and a recording to a tracker, with the reason for every value.
+
+use super::work::{Reference, has_particles};
+use crate::args::Track;
+use crate::catalog::Entry;
+use crate::config::{
+    Effective, Estimate, Generator, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
+};
+use crate::console::Console;
+use crate::diagnostic::Diagnostic;
+use std::collections::{BTreeMap, BTreeSet};
+use zerre::Span;
+use zerre::catalog::{FILTERS, MOTIONS, RESAMPLERS};
+use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
+use zerre::resample::{Resampling, Trigger};
+use zerre::track::{
+    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, MotionSpec, Noise, Plot,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, learn,
+};
+use zerre_io::{Format, Geodetic, LocalFrame, Options};
+
+/// Settled step by step: what the file says, what the recording adds.
+pub(super) struct Settings {
+    config: TrackConfig,
+    pub effective: Effective,
+    /// How to read.
+    pub options: Options,
+    spec: TrackerSpec,
+    /// Why a Kalman filter took the place of the particles.
+    preferred: Option<String>,
+}
+
+/// Failure of a model: a sentence of the library.
+pub(super) fn refused(error: &zerre::Error) -> Diagnostic {
+    Diagnostic::new(error.to_string())
+        .help("`zerre track --explain` shows the settings, `zerre catalog` the choices")
+}
+
+const AUTO: &str = "auto";
+
+impl Settings {
+    pub fn new(
+        args: &Track,
+        source: Option<Source>,
+        mut config: TrackConfig,
+    ) -> Result<Settings, Diagnostic> {
+        let mut effective = Effective::new(source);
+        if let Some(name) = &args.filter {
+            config.filter.name = Some(name.clone());
+            effective.from_flag(&["filter", "name"], "--filter");
+        }
+        if let Some(name) = &args.motion {
+            config.motion.model = Some(name.clone());
+            effective.from_flag(&["motion", "model"], "--motion");
+        }
+        if let Some(format) = args.format {
+            config.input.format = Some(format);
+            effective.from_flag(&["input", "format"], "--format");
+        }
+        let filter = filter(&config, &mut effective)?;
+        let motion = motion(&config, &mut effective)?;
+        let start = start(&config, &mut effective);
+        let life = life(&config, &mut effective);
+        let input = config.input.settle(&mut effective);
+        let format = serde_json::to_value(input.format)
+            .and_then(serde_json::from_value::<Format>)
+            .map_err(|error| Diagnostic::new(error.to_string()))?;
+        let origin = config.input.origin.map(|o| Geodetic::new(o.lat_deg, o.lon_deg, o.alt_m)).transpose();
+        let options = Options {
+            format,
+            columns: config.input.columns.clone(),
+            three_d: false,
+            origin: origin.map_err(|error| Diagnostic::new(error.to_string()))?,
+            max_rejected: input.max_rejected,
+        };
+        let spec =
+            TrackerSpec { dimensions: 2, filter, motion, sensors: BTreeMap::new(), start, life, seed: 0 };
+        Ok(Settings { config, effective, options, spec, preferred: None })
+    }
+
+    /// The tracker's specification.
+    pub fn spec(&self, seed: u64) -> TrackerSpec {
+        TrackerSpec { seed, ..self.spec.clone() }
+    }
+
+    /// Settles what depends on the recording: dimensions, sensors, and noises that nobody told.
+    pub fn settle(&mut self, plots: &[Plot], has_height: bool, console: &Console) -> Result<(), Diagnostic> {
+        self.spec.dimensions = if has_height { 3 } else { 2 };
+        self.sensors()?;
+        let unknown = self.unknown(plots);
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        let learnt = learn(&self.spec, &unknown, plots).map_err(|error| {
+            refused(&error).help("noises that the configuration gives need not be learnt")
+        })?;
+        let how = format!(
+            "by maximum likelihood from {} measurements of {}",
+            learnt.plots,
+            counted(learnt.targets, "target")
+        );
+        for (unknown, &value) in unknown.iter().zip(&learnt.values) {
+            let reason = Reason::Learnt(how.clone());
+            match unknown {
+                Unknown::Motion => {
+                    self.effective.put(&["motion", self.spec.motion.wander().0], value, reason);
+                }
+                Unknown::Sensor(name, noise) => {
+                    self.effective.put(&["sensor", name, key(*noise)], value, reason);
+                }
+            }
+        }
+        if let Some((sensors, gain)) = &learnt.heavy_tails {
+            for name in sensors {
+                let how = format!("heavier tails than the normal law raise the log-evidence by {gain:.0}");
+                self.effective.put(&["sensor", name, "robust"], heavy_tails(), Reason::Learnt(how));
+            }
+        }
+        self.spec = learnt.spec;
+        console.debug(format_args!("learnt {:?} of {unknown:?}", learnt.values));
+        Ok(())
+    }
+
+    /// Takes a Kalman filter in place of the particles, if nobody asked for them; whether it did.
+    pub fn prefer(&mut self, reference: &Reference) -> bool {
+        let asked = self.config.filter.name.as_deref().is_some_and(|name| name != AUTO);
+        if asked || !reference.is_better() {
+            return false;
+        }
+        let why = format!(
+            "{} particles lose {:.2} of log-evidence per measurement against it",
+            self.spec.filter.particles,
+            reference.loss_per_plot()
+        );
+        self.spec.filter.name = reference.filter.to_owned();
+        self.effective.put(&["filter", "name"], reference.filter, Reason::Chosen(why.clone()));
+        self.preferred = Some(why);
+        true
+    }
+
+    /// The filter in a few words.
+    pub fn filter_text(&self) -> String {
+        let filter = &self.spec.filter;
+        match &self.preferred {
+            Some(why) => format!("{}: {why}", filter.name),
+            None if has_particles(&filter.name) => format!("{}, {} particles", filter.name, filter.particles),
+            None => filter.name.clone(),
+        }
+    }
+
+    /// The sensors of the file; positions on the earth become positions in the plane.
+    pub fn sensors(&mut self) -> Result<(), Diagnostic> {
+        for (name, sensor) in &self.config.sensor {
+            let at = |key| ["sensor", name.as_str(), key];
+            let mut position_m = [0.0; 3];
+            if let Some(list) = self.effective.settle_given(&at("position_m"), &sensor.position_m) {
+                position_m.iter_mut().zip(list).for_each(|(to, from)| *to = from);
+            }
+            if let Some(place) = self.effective.settle_given(&at("position"), &sensor.position) {
+                let Some(origin) = self.options.origin else {
+                    let text = format!("sensor.{name}.position needs the origin of the plane");
+                    return Err(Diagnostic::new(text)
+                        .help("give `origin` under [input], or `position_m` of the sensor"));
+                };
+                let place = Geodetic::new(place.lat_deg, place.lon_deg, place.alt_m)
+                    .map_err(|error| Diagnostic::new(error.to_string()))?;
+                position_m = LocalFrame::new(origin).local(place);
+            }
+            let robust = self.effective.settle_given(&at("robust"), &sensor.robust);
+            let spec = SensorSpec {
+                position_m,
+                position_sd_m: self.effective.settle_given(&at("position_sd_m"), &sensor.position_sd_m),
+                range_sd_m: self.effective.settle_given(&at("range_sd_m"), &sensor.range_sd_m),
+                bearing_sd_rad: self.effective.settle_given(&at("bearing_sd_rad"), &sensor.bearing_sd()),
+                elevation_sd_rad: self
+                    .effective
+                    .settle_given(&at("elevation_sd_rad"), &sensor.elevation_sd()),
+                range_rate_sd_mps: self
+                    .effective
+                    .settle_given(&at("range_rate_sd_mps"), &sensor.range_rate_sd_mps),
+                gate: self.effective.settle_given(&at("gate"), &sensor.gate),
+                robust: robust.map(|robust| match robust {
+                    Robust::StudentT { dof } => Tails::StudentT { dof },
+                    Robust::Outliers { share, scale } => Tails::Outliers { share, scale },
+                }),
+            };
+            self.spec.sensors.insert(name.clone(), spec);
+        }
+        self.spec.sensors.entry(DEFAULT_SENSOR.to_owned()).or_default();
+        Ok(())
+    }
+
+    /// The noises that the plots depend on and nobody told.
+    pub fn unknown(&self, plots: &[Plot]) -> Vec<Unknown> {
+        let mut unknown = BTreeSet::new();
+        let section = |plot: &Plot| match plot.sensor.as_deref() {
+            Some(name) if self.spec.sensors.contains_key(name) => name.to_owned(),
+            _ => DEFAULT_SENSOR.to_owned(),
+        };
+        for plot in plots {
+            let name = section(plot);
+            for &noise in Noise::of(&plot.reading) {
+                if self.spec.sensors.get(&name).is_none_or(|sensor| sensor.sd(noise).is_none()) {
+                    unknown.insert(Unknown::Sensor(name.clone(), noise));
+                }
+            }
+        }
+        if self.spec.motion.wander().1.is_none() {
+            unknown.insert(Unknown::Motion);
+        }
+        unknown.into_iter().collect()
+    }
+}
+
+/// The law that learning tries, as the configuration writes it.
+fn heavy_tails() -> Option<Robust> {
+    match HEAVY_TAILS {
+        Tails::StudentT { dof } => Some(Robust::StudentT { dof }),
+        Tails::Outliers { share, scale } => Some(Robust::Outliers { share, scale }),
+    }
+}
+
+/// "1 target", "3 targets".
+pub(super) fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Key of a noise in the configuration.
+fn key(noise: Noise) -> &'static str {
+    match noise {
+        Noise::Position => "position_sd_m",
+        Noise::Range => "range_sd_m",
+        Noise::Bearing => "bearing_sd_rad",
+        Noise::Elevation => "elevation_sd_rad",
+        Noise::RangeRate => "range_rate_sd_mps",
+    }
+}
+
+/// A name of a list, checked; `auto` becomes `choice` because `why`.
+fn name_of(
+    effective: &mut Effective,
+    path: &[&str],
+    (what, kind): (&str, &'static str),
+    given: &Option<String>,
+    list: &[zerre::catalog::Entry],
+    (choice, why): (&str, &str),
+) -> Result<String, Diagnostic> {
+    let name = effective.settle(path, given, choice.to_owned(), why);
+    if name == AUTO {
+        effective.put(path, choice, Reason::Chosen(why.to_owned()));
+        return Ok(choice.to_owned());
+    }
+    let entries: Vec<Entry> =
+        list.iter().map(|e| Entry { kind, name: e.name, about: e.about, source: e.source }).collect();
+    effective.check_name(path, what, &name, &entries, kind)?;
+    Ok(name)
+}
+
+fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec, Diagnostic> {
+    let why = "it takes any model; a Kalman filter takes its place where that has clearly more evidence";
+    let name = name_of(
+        effective,
+        &["filter", "name"],
+        ("filter", "filters"),
+        &config.filter.name,
+        FILTERS,
+        ("particle", why),
+    )?;
+    let mut spec = TrackerSpec::new(&name, "").filter;
+    if !has_particles(&name) {
+        return Ok(spec);
+    }
+    let settings = config.filter.settle_particles(effective);
+    let path = ["filter", "resampling"];
+    let known: Vec<Entry> = RESAMPLERS
+        .iter()
+        .map(|e| Entry { kind: "resamplers", name: e.name, about: e.about, source: e.source })
+        .collect();
+    effective.check_name(&path, "resampler", &settings.resampling, &known, "resamplers")?;
+    spec.particles = settings.particles as usize;
+    spec.resampling = match settings.resampling.as_str() {
+        "multinomial" => Resampling::Multinomial,
+        "residual" => Resampling::Residual,
+        "stratified" => Resampling::Stratified,
+        _ => Resampling::Systematic,
+    };
+    spec.trigger = match settings.resample_when {
+        ResampleWhen::Never => Trigger::Never,
+        ResampleWhen::Always => Trigger::Always,
+        ResampleWhen::Below => Trigger::Below(settings.threshold),
+    };
+    spec.roughening = settings.roughening;
+    spec.noise = NoiseSource {
+        generator: match settings.generator {
+            Generator::Philox => Words::Philox,
+            Generator::Fast => Words::Xoshiro,
+        },
+        resolution: match settings.normals {
+            Normals::F32 => Resolution::Bits32,
+            Normals::F64 => Resolution::Bits64,
+        },
+    };
+    Ok(spec)
+}
+
+fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec, Diagnostic> {
+    let given = &config.motion;
+    let why = "the simplest that follows what travels";
+    let model = name_of(
+        effective,
+        &["motion", "model"],
+        ("motion", "motions"),
+        &given.model,
+        MOTIONS,
+        ("constant-velocity", why),
+    )?;
+    let at = |key| ["motion", key];
+    let mut spec = MotionSpec {
+        speed_sd_mps: effective.settle_given(&at("speed_sd_mps"), &given.speed_sd_mps),
+        acceleration_sd_mps2: effective
+            .settle_given(&at("acceleration_sd_mps2"), &given.acceleration_sd_mps2),
+        jerk_sd_mps3: effective.settle_given(&at("jerk_sd_mps3"), &given.jerk_sd_mps3),
+        turn_rate_rad_s: effective.settle_given(&at("turn_rate_rad_s"), &given.turn_rate_rad_s),
+        lateral_acceleration_mps2: effective
+            .settle_given(&at("lateral_acceleration_mps2"), &given.lateral_acceleration_mps2),
+        turn_acceleration_sd_rad_s2: effective
+            .settle_given(&at("turn_acceleration_sd_rad_s2"), &given.turn_acceleration_sd_rad_s2),
+        tau_s: effective.settle_given(&at("tau_s"), &given.tau_s),
+        turn_rate_sd_rad_s: None,
+        model,
+    };
+    match spec.model.as_str() {
+        "singer" | "markov-turn" if spec.tau_s.is_none() => {
+            let why = "evasive manoeuvres last ten to twenty seconds (Singer 1970)";
+            spec.tau_s = Some(effective.settle(&at("tau_s"), &None, 20.0, why));
+        }
+        "wiener-turn" if spec.turn_acceleration_sd_rad_s2.is_none() => {
+            let why = "a standard turn of aviation is entered within five seconds";
+            let path = at("turn_acceleration_sd_rad_s2");
+            spec.turn_acceleration_sd_rad_s2 = Some(effective.settle(&path, &None, 0.01, why));
+        }
+        _ => {}
+    }
+    if spec.model == "markov-turn" {
+        spec.turn_rate_sd_rad_s = Some(config.start.turn_rate_sd_rad_s.unwrap_or(0.05));
+    }
+    if let ("singer", Some(largest), None) =
+        (spec.model.as_str(), given.a_max_mps2, spec.acceleration_sd_mps2)
+    {
+        effective.settle_given(&at("a_max_mps2"), &given.a_max_mps2);
+        let p_max = effective.settle(&at("p_max"), &given.p_max, 0.1, "Singer's example");
+        let p_0 = effective.settle(&at("p_0"), &given.p_0, 0.6, "Singer's example");
+        let variance = largest * largest / 3.0 * (1.0 + 4.0 * p_max - p_0);
+        spec.acceleration_sd_mps2 = Some(variance.max(0.0).sqrt());
+        let how = "a_max² / 3 (1 + 4 p_max - p_0), Singer 1970".to_owned();
+        effective.put(&at("acceleration_sd_mps2"), spec.acceleration_sd_mps2, Reason::Chosen(how));
+    }
+    Ok(spec)
+}
+
+fn start(config: &TrackConfig, effective: &mut Effective) -> StartSpec {
+    let settled = config.start.settle(effective);
+    let position = effective.settle_given(&["start", "position_m"], &config.start.position_m);
+    let sd = effective.settle_given(&["start", "position_sd_m"], &config.start.position_sd_m);
+    StartSpec {
+        speed_sd_mps: settled.speed_sd_mps,
+        acceleration_sd_mps2: settled.acceleration_sd_mps2,
+        turn_rate_sd_rad_s: settled.turn_rate_sd_rad_s,
+        position: position.zip(sd).map(|(list, sd)| {
+            let mut place = [0.0; 3];
+            place.iter_mut().zip(list).for_each(|(to, from)| *to = from);
+            (place, sd)
+        }),
+    }
+}
+
+fn life(config: &TrackConfig, effective: &mut Effective) -> LifeSpec {
+    let settled = config.life.settle(effective);
+    LifeSpec {
+        max_gap: Span::from_secs(settled.max_gap_s),
+        restart_after: 3,
+        estimate: match settled.estimate {
+            Estimate::Mean => Point::Mean,
+            Estimate::MaxWeight => Point::MaxWeight,
+            Estimate::RobustMean => Point::RobustMean,
+        },
+    }
+}

@@ -1,0 +1,216 @@
+//! The filters at work: targets in parallel, each as if it were alone.
+
+use super::input::Input;
+use super::settings::refused;
+use crate::args::{Global, Simd as Level};
+use crate::console::Console;
+use crate::diagnostic::Diagnostic;
+use crate::run::{Progress, interrupted};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
+use zerre::kernels::{Simd, Threads};
+use zerre::track::{Engine, Event, Plot, Row, State, TrackerSpec};
+
+/// Who works. Neither number of threads nor instructions change a result.
+pub(super) struct Workers {
+    threads: usize,
+    pub simd: Simd,
+}
+
+impl Workers {
+    pub fn new(global: &Global) -> Result<Workers, Diagnostic> {
+        let name = match global.simd {
+            Level::Auto => Simd::best().name(),
+            Level::Scalar => "scalar",
+            Level::Avx2 => "avx2",
+            Level::Avx512 => "avx512",
+            Level::Neon => "neon",
+        };
+        let simd = Simd::named(name).ok_or_else(|| {
+            let known: Vec<_> = Simd::available().iter().map(|level| level.name()).collect();
+            Diagnostic::new(format!("this processor has no {name}"))
+                .help(format!("it has {}", known.join(", ")))
+        })?;
+        let all = || std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Workers { threads: global.threads.map_or_else(all, usize::from), simd })
+    }
+
+    /// What one of `targets` that are followed at the same time computes with.
+    pub fn engine(&self, targets: usize) -> Result<Engine, Diagnostic> {
+        let threads = Threads::new(self.threads / targets.clamp(1, self.threads))
+            .map_err(|error| Diagnostic::new(format!("cannot start threads: {error}")))?;
+        Ok(Engine { simd: self.simd, threads })
+    }
+}
+
+/// What came of the plots.
+pub(super) struct Run {
+    pub states: Vec<State>,
+    /// Side by side with the plots; `None` where the run was stopped before.
+    pub rows: Vec<Option<Row>>,
+    /// Where each plot alone puts its target in the plane, metres.
+    pub places: Vec<Option<[f64; 2]>>,
+    /// The same recording under a Kalman filter, for filters with particles.
+    pub reference: Option<Reference>,
+}
+
+/// How a Kalman filter fared.
+pub(super) struct Reference {
+    pub filter: &'static str,
+    /// Log-evidence of the plots that both filters used.
+    pub log_evidence: f64,
+    /// Of the filter itself, of the same plots.
+    pub own: f64,
+    /// How many plots.
+    pub plots: usize,
+}
+
+/// Natural units of information per measurement, which a filter may lose against the reference before it is said: a
+/// twentieth doubles the odds against it every fourteen measurements.
+const TOLERABLE_LOSS: f64 = 0.05;
+
+impl Reference {
+    /// What the filter loses against the reference for each plot, in natural units of information.
+    pub fn loss_per_plot(&self) -> f64 {
+        (self.log_evidence - self.own) / self.plots.max(1) as f64
+    }
+
+    /// Whether the particles are too few for these models and this recording.
+    pub fn is_better(&self) -> bool {
+        self.loss_per_plot() > TOLERABLE_LOSS
+    }
+}
+
+/// Follows all targets.
+pub(super) fn follow(
+    spec: &TrackerSpec,
+    plots: &[Plot],
+    workers: &Workers,
+    console: &Console,
+) -> Result<Run, Diagnostic> {
+    let mut by_target: BTreeMap<Option<&str>, Vec<usize>> = BTreeMap::new();
+    for (index, plot) in plots.iter().enumerate() {
+        by_target.entry(plot.id.as_deref()).or_default().push(index);
+    }
+    let mut targets: Vec<Vec<usize>> = by_target.into_values().collect();
+    // The longest first, so that no thread is left with it at the end.
+    targets.sort_by_key(|indices| std::cmp::Reverse(indices.len()));
+    let crew = workers.threads.min(targets.len()).max(1);
+    let engine = workers.engine(targets.len())?;
+    let states = spec.build(engine.clone()).map_err(|error| refused(&error))?.states();
+
+    let rows = Mutex::new(vec![None; plots.len()]);
+    let places = Mutex::new(vec![None; plots.len()]);
+    let failure: Mutex<Option<(usize, zerre::Error)>> = Mutex::new(None);
+    let (next, done, stop) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicBool::new(false));
+    let one_target = |indices: &[usize]| -> Result<(), (usize, zerre::Error)> {
+        let first = indices.first().copied().unwrap_or_default();
+        let mut tracker = spec.build(engine.clone()).map_err(|error| (first, error))?;
+        let mut own = Vec::with_capacity(indices.len());
+        for &index in indices {
+            if interrupted() || stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let row = tracker.push(&plots[index]).map_err(|error| (index, error))?;
+            own.push((index, row, tracker.place(&plots[index])));
+            done.fetch_add(1, Ordering::Relaxed);
+        }
+        let (mut rows, mut places) = (lock(&rows), lock(&places));
+        for (index, row, place) in own {
+            (rows[index], places[index]) = (Some(row), place);
+        }
+        Ok(())
+    };
+    let work = || {
+        while let Some(indices) = targets.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if let Err((index, error)) = one_target(indices) {
+                stop.store(true, Ordering::Relaxed);
+                let mut failure = lock(&failure);
+                // The earliest plot is named, whichever thread came first.
+                if failure.as_ref().is_none_or(|(other, _)| index < *other) {
+                    *failure = Some((index, error));
+                }
+            }
+        }
+    };
+    let mut progress = Progress::new(console, "measurements", Some(plots.len() as u64));
+    std::thread::scope(|scope| {
+        let crew: Vec<_> = (0..crew).map(|_| scope.spawn(work)).collect();
+        let mut shown = 0;
+        while crew.iter().any(|worker| !worker.is_finished()) {
+            std::thread::sleep(Duration::from_millis(if console.watched() { 20 } else { 1 }));
+            let now = done.load(Ordering::Relaxed);
+            progress.advance(now - shown);
+            shown = now;
+        }
+    });
+    if let Some((index, error)) = lock(&failure).take() {
+        let plot = &plots[index];
+        let id = plot.id.as_deref().unwrap_or("target");
+        return Err(refused(&error).help(format!("it was line {}, target `{id}`", plot.line)));
+    }
+    let (rows, places) = (std::mem::take(&mut *lock(&rows)), std::mem::take(&mut *lock(&places)));
+    Ok(Run { states, rows, places, reference: None })
+}
+
+/// A panic in another thread ends the program by itself; here its half-done work is not looked at.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+impl Run {
+    /// Refuses a run in which nothing could start.
+    pub fn check_started(&self, input: &Input) -> Result<(), Diagnostic> {
+        let any = |holds: &dyn Fn(&Row) -> bool| self.rows.iter().flatten().any(holds);
+        if any(&|row| !row.mean.is_empty()) || !any(&|row| row.event == Event::Waiting) {
+            return Ok(());
+        }
+        let line = input.plots.first().map_or(0, |plot| plot.line);
+        Err(Diagnostic::new(format!(
+            "no measurement tells a position (line {line} is the first): bearings, ranges or range rates alone \
+             start no track"
+        ))
+        .help("say where targets appear: position_m and position_sd_m under [start]"))
+    }
+
+    /// Runs a Kalman filter on the same plots, where this run has particles: the exact one where the models are
+    /// linear, the unscented one elsewhere. Gives back how it fared and its run.
+    pub fn against_kalman(
+        &self,
+        spec: &TrackerSpec,
+        plots: &[Plot],
+        workers: &Workers,
+        console: &Console,
+    ) -> Option<(Reference, Run)> {
+        if !has_particles(&spec.filter.name) {
+            return None;
+        }
+        for filter in ["kalman", "ukf"] {
+            let mut other = spec.clone();
+            other.filter.name = filter.to_owned();
+            // Models that are not linear are refused by the exact filter.
+            let Ok(run) = follow(&other, plots, workers, console) else { continue };
+            let mut reference = Reference { filter, log_evidence: 0.0, own: 0.0, plots: 0 };
+            for (own, theirs) in self.rows.iter().zip(&run.rows) {
+                let evidence = |row: &Option<Row>| {
+                    let update = row.as_ref()?.update?;
+                    Some(update.log_evidence).filter(|e| e.is_finite())
+                };
+                if let (Some(own), Some(theirs)) = (evidence(own), evidence(theirs)) {
+                    reference.own += own;
+                    reference.log_evidence += theirs;
+                    reference.plots += 1;
+                }
+            }
+            return (reference.plots > 0).then_some((reference, run));
+        }
+        None
+    }
+}
+
+/// Whether a filter of this name has particles.
+pub(super) fn has_particles(filter: &str) -> bool {
+    matches!(filter, "particle" | "sir" | "sis")
+}

@@ -1,0 +1,278 @@
+//! Noises that nobody told, learnt from the recording itself: the most likely ones.
+
+use super::motion::{WithMotion, with_motion};
+use super::sensor::{Frame, Noise};
+use super::tail::Robust;
+use super::tracker::{Engine, Rules};
+use super::{Plot, TrackerSpec};
+use crate::belief::GaussianBelief;
+use crate::error::{Error, Result};
+use crate::filter::Outcome;
+use crate::math::{exp, ln};
+use crate::model::Motion;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A number to learn.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Unknown {
+    /// The standard deviation of this noise of this sensor.
+    Sensor(String, Noise),
+    /// How much the motion wanders: [`MotionSpec::wander`](super::MotionSpec::wander).
+    Motion,
+}
+
+/// What was learnt.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Learnt {
+    /// The specification with the numbers in it.
+    pub spec: TrackerSpec,
+    /// The numbers, in the order asked for; SI units and radians.
+    pub values: Vec<f64>,
+    /// How many plots were used.
+    pub plots: usize,
+    /// Of how many targets.
+    pub targets: usize,
+    /// Log-evidence of these plots at the numbers learnt.
+    pub log_evidence: f64,
+    /// Sensors that got [`HEAVY_TAILS`], and by how much that raised the log-evidence.
+    pub heavy_tails: Option<(Vec<String>, f64)>,
+}
+
+/// What learning tries beside the normal law: few outliers move nothing, and the bulk is nearly normal.
+pub const HEAVY_TAILS: Robust = Robust::StudentT { dof: 4.0 };
+
+/// So many plots tell two or three numbers to a few per cent, in well under a second.
+const MOST_PLOTS: usize = 1000;
+/// More targets would leave too few plots for each.
+const MOST_TARGETS: usize = 20;
+/// Natural units of log-evidence by which heavier tails must win: a law with one more number has to earn it.
+const CLEARLY: f64 = 3.0;
+
+/// Least share of the measurement noise in the innovation's variance. Recordings that a receiver has smoothed are most
+/// likely under no noise at all; estimates then are the measurements, and stay so up to this share, while particles
+/// need a likelihood that is not much narrower than what was foretold.
+const LEAST_SHARE: f64 = 0.05;
+
+/// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
+/// as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
+/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of which the recording tells no more than that it is small against the
+/// wandering of the motion is set to where it makes a twentieth of the innovation's variance.
+///
+/// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
+/// Mead (Computer Journal 7, 1965) on the logarithms: deterministic.
+///
+/// # Errors
+/// Plots that tell nothing (no target is measured twice), and what the models refuse.
+pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<Learnt> {
+    let chosen = choose(plots);
+    let count = chosen.iter().map(Vec::len).sum::<usize>();
+    if count < 2 * unknown.len() {
+        let text = format!("{count} measurements are too few to learn {} noises from", unknown.len());
+        return Err(Error::Unsupported(text));
+    }
+    let mut spec = spec.clone();
+    let filter = std::mem::replace(&mut spec.filter.name, "ekf".to_owned());
+    let open: Vec<String> = spec
+        .sensors
+        .iter()
+        .filter(|(name, sensor)| {
+            let asked = |u: &Unknown| matches!(u, Unknown::Sensor(other, _) if other == *name);
+            sensor.robust.is_none() && unknown.iter().any(asked)
+        })
+        .map(|(name, _)| name.clone())
+        .collect();
+    let (mut log_evidence, mut logs) = search(&spec, unknown, &chosen)?;
+    let mut heavy_tails = None;
+    if !open.is_empty() {
+        let mut heavy = spec.clone();
+        for name in &open {
+            heavy.sensors.entry(name.clone()).or_default().robust = Some(HEAVY_TAILS);
+        }
+        let (other, other_logs) = search(&heavy, unknown, &chosen)?;
+        if other > log_evidence + CLEARLY {
+            heavy_tails = Some((open, other - log_evidence));
+            (spec, log_evidence, logs) = (heavy, other, other_logs);
+        }
+    }
+    if !log_evidence.is_finite() {
+        let text = "the recording tells nothing of the noises: give them in the configuration";
+        return Err(Error::Unsupported(text.to_owned()));
+    }
+    set(&mut spec, unknown, &logs);
+    spec.filter.name = filter;
+    let values = logs.iter().map(|&log| rounded(exp(log))).collect();
+    Ok(Learnt { spec, values, plots: count, targets: chosen.len(), log_evidence, heavy_tails })
+}
+
+/// The highest evidence and the logarithms of the unknown where it is.
+fn search(spec: &TrackerSpec, unknown: &[Unknown], targets: &[Vec<&Plot>]) -> Result<(f64, Vec<f64>)> {
+    let evidence = |logs: &[f64]| -> Result<f64> {
+        let mut candidate = spec.clone();
+        set(&mut candidate, unknown, logs);
+        let work = Evidence { spec: &candidate, targets };
+        with_motion(&candidate.motion, candidate.dimensions, work)
+    };
+    let start: Vec<f64> = unknown.iter().map(|u| ln(typical(u))).collect();
+    let mut best = (f64::NEG_INFINITY, start.clone());
+    // Steps of a factor of four; without one of the two kinds its axis is walked once.
+    let idle = |is_motion: bool| !unknown.iter().any(|u| (*u == Unknown::Motion) == is_motion);
+    for sensors in -3..=3 {
+        for motion in -3..=3 {
+            if (idle(true) && motion != 0) || (idle(false) && sensors != 0) {
+                continue;
+            }
+            let moved = |u: &Unknown| f64::from(if *u == Unknown::Motion { motion } else { sensors });
+            let logs: Vec<f64> = start.iter().zip(unknown).map(|(s, u)| s + moved(u) * ln(4.0)).collect();
+            let value = evidence(&logs)?;
+            if value > best.0 {
+                best = (value, logs);
+            }
+        }
+    }
+    Ok(climb(best.1, |logs| evidence(logs).unwrap_or(f64::NEG_INFINITY)))
+}
+
+/// Three digits: more are not known, and fewer are easier to read and to write down.
+fn rounded(value: f64) -> f64 {
+    let text = format!("{value:.2e}");
+    text.parse().unwrap_or(value)
+}
+
+fn set(spec: &mut TrackerSpec, unknown: &[Unknown], logs: &[f64]) {
+    for (unknown, &log) in unknown.iter().zip(logs) {
+        let value = rounded(exp(log));
+        match unknown {
+            Unknown::Motion => spec.motion.set_wander(value),
+            Unknown::Sensor(name, noise) => {
+                *spec.sensors.entry(name.clone()).or_default().sd_mut(*noise) = Some(value);
+            }
+        }
+    }
+}
+
+/// Where the search starts: the size of the thing, not its value.
+fn typical(unknown: &Unknown) -> f64 {
+    match unknown {
+        Unknown::Motion => 1.0,
+        Unknown::Sensor(_, Noise::Position) => 10.0,
+        Unknown::Sensor(_, Noise::Range) => 10.0,
+        Unknown::Sensor(_, Noise::Bearing | Noise::Elevation) => 0.01,
+        Unknown::Sensor(_, Noise::RangeRate) => 1.0,
+    }
+}
+
+/// The plots that count, by target: those that are measured most, each with as many of its first plots.
+fn choose(plots: &[Plot]) -> Vec<Vec<&Plot>> {
+    let mut by_target: BTreeMap<Option<&str>, Vec<&Plot>> = BTreeMap::new();
+    for plot in plots {
+        by_target.entry(plot.id.as_deref()).or_default().push(plot);
+    }
+    let mut targets: Vec<_> = by_target.into_values().filter(|plots| plots.len() > 1).collect();
+    // A stable sort: equals stay in the order of their names.
+    targets.sort_by_key(|plots| std::cmp::Reverse(plots.len()));
+    targets.truncate(MOST_TARGETS);
+    let each = MOST_PLOTS / targets.len().max(1);
+    targets.iter_mut().for_each(|plots| plots.truncate(each));
+    targets
+}
+
+/// Total log-evidence of the plots.
+struct Evidence<'a> {
+    spec: &'a TrackerSpec,
+    targets: &'a [Vec<&'a Plot>],
+}
+
+impl WithMotion for Evidence<'_> {
+    type Out = f64;
+    fn with<A, F, const N: usize, const W: usize, const D: usize>(self, motion: A) -> Result<f64>
+    where
+        A: Motion<N, W> + Clone + 'static,
+        F: Frame<N, D>,
+    {
+        let rules = Rules::<A, F, N, W, D>::new(self.spec, motion, Engine::default())?;
+        let (mut total, mut shares, mut count) = (0.0, 0.0, 0.0);
+        for plots in self.targets {
+            let mut belief: Option<GaussianBelief<N>> = None;
+            for plot in plots {
+                let silent =
+                    |b: &GaussianBelief<N>| plot.time - b.time > self.spec.life.max_gap || plot.time < b.time;
+                let Some(current) = belief.as_mut().filter(|b| !silent(b)) else {
+                    let start = rules.begin(plot)?;
+                    belief = start.map(|(state, _)| GaussianBelief { time: plot.time, state });
+                    continue;
+                };
+                let Some(foretold) = rules.innovation(&current.state, current.time, plot)? else { continue };
+                (shares, count) = (shares + foretold.least_share, count + 1.0);
+                let update = rules.update(current, plot, true)?;
+                // What cannot be held in numbers counts as what it would be under the normal law.
+                total += match update.outcome {
+                    Outcome::Degenerate => foretold.log_density,
+                    _ => update.log_evidence,
+                };
+            }
+        }
+        // A wall that the simplex can climb along: it costs more than any evidence gains.
+        let lacking = (ln(LEAST_SHARE) - ln(shares / count)).max(0.0);
+        let total = total - 10.0 * count * lacking * lacking;
+        Ok(if total.is_finite() { total } else { f64::NEG_INFINITY })
+    }
+}
+
+/// Turns that the simplex takes at most.
+const MOST_TURNS: usize = 60;
+/// Logarithms closer than this differ by less than one per cent: nothing that can be known.
+const CLOSE: f64 = 0.01;
+
+/// The highest point of `height` near `start`, and its height.
+fn climb(start: Vec<f64>, height: impl Fn(&[f64]) -> f64) -> (f64, Vec<f64>) {
+    let n = start.len();
+    let mut corners: Vec<(f64, Vec<f64>)> = (0..=n)
+        .map(|i| {
+            let mut corner = start.clone();
+            if let Some(x) = i.checked_sub(1).and_then(|i| corner.get_mut(i)) {
+                *x += 0.5;
+            }
+            (height(&corner), corner)
+        })
+        .collect();
+    for _ in 0..MOST_TURNS {
+        corners.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let spread = (0..n)
+            .map(|k| corners.iter().map(|c| (c.1[k] - corners[0].1[k]).abs()).fold(0.0, f64::max))
+            .fold(0.0, f64::max);
+        if spread < CLOSE {
+            break;
+        }
+        let centre: Vec<f64> =
+            (0..n).map(|k| corners[..n].iter().map(|c| c.1[k]).sum::<f64>() / n as f64).collect();
+        let along = |t: f64| -> (f64, Vec<f64>) {
+            let point: Vec<f64> =
+                centre.iter().zip(&corners[n].1).map(|(c, worst)| c + t * (worst - c)).collect();
+            (height(&point), point)
+        };
+        let reflected = along(-1.0);
+        let better = if reflected.0 > corners[0].0 {
+            let expanded = along(-2.0);
+            if expanded.0 > reflected.0 { expanded } else { reflected }
+        } else if reflected.0 > corners[n - 1].0 {
+            reflected
+        } else {
+            let contracted = along(if reflected.0 > corners[n].0 { -0.5 } else { 0.5 });
+            if contracted.0 <= corners[n].0.max(reflected.0) {
+                let best = corners[0].1.clone();
+                for corner in &mut corners[1..] {
+                    for (x, b) in corner.1.iter_mut().zip(&best) {
+                        *x = 0.5 * (*x + b);
+                    }
+                    corner.0 = height(&corner.1);
+                }
+                continue;
+            }
+            contracted
+        };
+        corners[n] = better;
+    }
+    corners.sort_by(|a, b| b.0.total_cmp(&a.0));
+    corners.swap_remove(0)
+}
