@@ -146,7 +146,8 @@ impl<const N: usize> Cloud<N> {
     /// Mean and covariance as a Gaussian.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`] for a cloud without spread (fewer than `N` + 1 distinct particles).
+    /// [`Error::NotFinite`] once every particle is lost; [`Error::NotPositiveDefinite`] where rounding makes the
+    /// covariance of a cloud without spread indefinite.
     pub fn gaussian(&self) -> Result<Gaussian<N>> {
         Gaussian::new(self.mean(), self.covariance())
     }

@@ -10,6 +10,7 @@
 use crate::list::RESAMPLINGS;
 use crate::{Verdict, uphold};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use zerre::resample::Resampling;
 use zerre::rng::Stream;
 
@@ -255,7 +256,13 @@ fn any_weight() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig {
+        cases: 400,
+        rng_seed: RngSeed::Fixed(2),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
     #[test]
     fn any_weights_give_orderly_draws(
         weights in prop::collection::vec(any_weight(), 1..700),
