@@ -13,10 +13,8 @@ const MAY_USE: [(&str, &[&str]); 5] = [
     ("zerre-examples", &["zerre", "zerre-io", "zerre-lab"]),
 ];
 
-/// Files and folders of the library that may hold `unsafe`: the kernels, and the two places that hand out disjoint
-/// blocks of particles to threads.
-const MAY_BE_UNSAFE: [&str; 3] =
-    ["crates/zerre/src/kernels", "crates/zerre/src/filter/particle.rs", "crates/zerre/src/resample/mod.rs"];
+/// Where the library may hold `unsafe`.
+const MAY_BE_UNSAFE: [&str; 1] = ["crates/zerre/src/kernels"];
 
 fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()

@@ -39,7 +39,7 @@ fn tables() {
     check!().with_iterations(3000).for_each(|bytes: &[u8]| {
         behind_headers(bytes, |text, options| {
             if let Ok(mut reader) = TableReader::new("fuzz", text, options) {
-                while let Some(plot) = reader.next() {
+                for plot in reader.by_ref() {
                     if plot.is_err() {
                         break;
                     }

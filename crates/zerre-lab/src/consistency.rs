@@ -51,6 +51,8 @@ pub struct SensorInnovations {
     /// Mean share of the measurement noise in the predicted innovation covariance, `trace(S^-1 R) / dimension`, in
     /// (0, 1]. With it the verdict names the factor of R; without it only a bound.
     pub noise_share: Option<f64>,
+    /// Whether the filter's law of errors has heavy tails itself: then far innovations are no finding.
+    pub heavy_tails_expected: bool,
 }
 
 /// One component of the innovations, each divided by its predicted standard deviation.
@@ -248,7 +250,8 @@ impl fmt::Display for Assessment {
 /// [`Error::NotFinite`] or [`Error::OutOfRange`] for a NIS value, a component or a noise share that is none,
 /// [`Error::Empty`] for a dimension of zero.
 pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
-    let SensorInnovations { sensor, dimension, nis, components, noise_share } = innovations;
+    let SensorInnovations { sensor, dimension, nis, components, noise_share, heavy_tails_expected } =
+        innovations;
     for series in components.iter().flat_map(|c| &c.series) {
         Error::all_finite("whitened innovation", series)?;
     }
@@ -295,7 +298,7 @@ pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
         2.0 * assessment.outliers.max(1) as f64,
     );
     let heavy = assessment.outliers as f64 > OUTLIERS_MATTER * nis.len() as f64 && chance < 1.0 - confidence;
-    if heavy {
+    if heavy && !heavy_tails_expected {
         let (outliers, samples) = (assessment.outliers, nis.len());
         assessment.findings.push(Finding::HeavyTails { outliers, samples });
     }
@@ -500,7 +503,14 @@ mod tests {
             series.push(whitened);
         }
         let components = vec![WhitenedComponent { name: "position".into(), series }];
-        SensorInnovations { sensor: "radar".into(), dimension: 1, nis, components, noise_share: Some(share) }
+        SensorInnovations {
+            sensor: "radar".into(),
+            dimension: 1,
+            nis,
+            components,
+            noise_share: Some(share),
+            heavy_tails_expected: false,
+        }
     }
 
     fn judge(world: World, steps: usize, seed: u64) -> Assessment {
@@ -560,6 +570,7 @@ mod tests {
             nis: series.iter().map(|v| (v - 0.8) * (v - 0.8)).collect(),
             components: vec![WhitenedComponent { name: "bearing".into(), series: vec![series] }],
             noise_share: None,
+            heavy_tails_expected: false,
         };
         let judged = assess(&innovations).unwrap();
         let [Finding::Biased { component, mean }] = &judged.findings[..] else { panic!("{judged}") };
@@ -573,6 +584,10 @@ mod tests {
             // Little motion, so that an outlier leaves hardly a trail in the estimate.
             let quiet = World { q: 1e-4, told_q: 1e-4, outlier_share: 0.04, ..HONEST };
             let judged = judge(quiet, 400, seed);
+            let mut expected = run(quiet, 400, seed);
+            expected.heavy_tails_expected = true;
+            let expected = assess(&expected).unwrap();
+            assert!(!expected.findings.iter().any(|f| matches!(f, Finding::HeavyTails { .. })), "{expected}");
             assert!(matches!(judged.findings[0], Finding::HeavyTails { .. }), "{judged}");
             assert!(judged.components[0].kurtosis.unwrap() > 6.0);
             // With its outliers the mean would be 1 + 0.04 (144 - 1) = 6.7. What is left is above 1 because a fifth

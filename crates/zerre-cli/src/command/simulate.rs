@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
-use zerre_lab::scenario::{self, Invalid, Measured, Measures, Run, SCENARIOS, Scenario, TruePoint};
+use zerre_lab::scenario::{self, Invalid, Measured, Measures, Run, SCENARIOS, Scenario, Target, TruePoint};
 
 const COMMAND: &str = "simulate";
 
@@ -149,6 +149,22 @@ fn track_config(scenario: &Scenario) -> String {
         let key = if bare { name.to_owned() } else { json!(name).to_string() };
         // Writing to a string cannot fail.
         let _ = write!(text, "\n[sensor.{key}]\n{lines}");
+    }
+    // Without a sensor that gives positions a track needs to be told where to start: around the targets' first places.
+    let places = scenario
+        .sensor
+        .iter()
+        .any(|s| matches!(s.measures, Measures::Position { .. } | Measures::RangeBearing { .. }));
+    let starts: Vec<_> = scenario.target.iter().filter(|target| target.start.len() >= 4).collect();
+    if !places && !starts.is_empty() {
+        let mean = |k: usize| starts.iter().map(|t| t.start[k]).sum::<f64>() / starts.len() as f64;
+        let spread = |k: usize| {
+            let far =
+                |t: &&Target| (t.start[k] - mean(k)).abs() + 3.0 * t.start_sd.get(k).copied().unwrap_or(0.0);
+            starts.iter().map(far).fold(0.0, f64::max)
+        };
+        let (x, y, sd) = (mean(0), mean(1), spread(0).max(spread(1)).max(1.0));
+        let _ = write!(text, "\n[start]\nposition_m = [{x:?}, {y:?}]\nposition_sd_m = {sd:?}\n");
     }
     text
 }

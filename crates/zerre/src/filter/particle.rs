@@ -4,9 +4,7 @@
 use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
-use crate::kernels::{
-    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, SharedColumns, Simd, Survivors, Threads, Total,
-};
+use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Simd, Survivors, Threads, Total};
 use crate::math::{Cholesky, Real};
 use crate::model::{Likelihood, Motion};
 use crate::resample::{BlockWeights, Context, Resampling, Trigger};
@@ -117,7 +115,6 @@ where
     /// what they were.
     fn visit(&self, cloud: &mut Cloud<N>, step: Option<&M::Step>, digest: Option<&H::Digest<'_>>) {
         let Settings { simd, noise: source, ref threads, .. } = self.settings;
-        let n = cloud.len();
         let law = self.motion.noise();
         let (stream, number) = (cloud.stream, cloud.step);
         let in_place = !cloud.pending;
@@ -125,33 +122,33 @@ where
             std::mem::swap(&mut cloud.states, &mut cloud.spare);
         }
         let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
-        let states = SharedColumns::new(cloud.states.each_mut().map(Vec::as_mut_slice));
-        let scores = SharedColumns::new([&mut cloud.scores, &mut cloud.weights]);
+        let states = cloud.states.each_mut().map(Vec::as_mut_slice);
+        let scores: [&mut [f64]; 2] = [&mut cloud.scores, &mut cloud.weights];
         let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
-        threads.for_each_block(&mut cloud.blocks, |b, sums| {
-            let (first, last) = (b * BLOCK, ((b + 1) * BLOCK).min(n));
-            // SAFETY: every block is visited once, and blocks do not overlap.
-            let mut states = unsafe { states.range(first, last) };
-            // SAFETY: resampling writes indices of particles, and loading checks them.
-            let survivors = (!in_place).then(|| unsafe { survivors.block(first, last) });
-            if let Some(step) = step {
-                let mut noise = NoiseBlock::<W>::new();
-                let key = NoiseKey { stream, step: number, block: b };
-                kernels::fill_noise(simd, source, law, key, last - first, &mut noise);
-                kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
-            } else if let Some(survivors) = survivors {
-                kernels::gather(survivors, &mut states);
-            }
-            let states = states.each_ref().map(|c| &**c);
-            // SAFETY: as above.
-            let [scores, weights] = unsafe { scores.range(first, last) };
-            match digest {
-                Some(digest) => H::score(digest, simd, &states, scores),
-                None => scores.fill(0.0),
-            }
-            let log_weights = log_weights.map(|l| &l[first..last]);
-            *sums = kernels::weigh(simd, log_weights, scores, &states, weights);
-        });
+        threads.for_each_block(
+            states,
+            scores,
+            &mut cloud.blocks,
+            |b, mut states, [scores, weights], sums| {
+                let (first, last) = (b * BLOCK, b * BLOCK + scores.len());
+                let survivors = (!in_place).then(|| survivors.block(first, last));
+                if let Some(step) = step {
+                    let mut noise = NoiseBlock::<W>::new();
+                    let key = NoiseKey { stream, step: number, block: b };
+                    kernels::fill_noise(simd, source, law, key, last - first, &mut noise);
+                    kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
+                } else if let Some(survivors) = survivors {
+                    kernels::gather(survivors, &mut states);
+                }
+                let states = states.each_ref().map(|c| &**c);
+                match digest {
+                    Some(digest) => H::score(digest, simd, &states, scores),
+                    None => scores.fill(0.0),
+                }
+                let log_weights = log_weights.map(|l| &l[first..last]);
+                *sums = kernels::weigh(simd, log_weights, scores, &states, weights);
+            },
+        );
         cloud.pending = false;
     }
 
@@ -161,8 +158,7 @@ where
         let scale = self.settings.roughening * Real::exp(-Real::ln(n as f64) / N as f64);
         std::mem::swap(&mut cloud.states, &mut cloud.spare);
         let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
-        // SAFETY: resampling writes indices of particles, and loading checks them.
-        let survivors = unsafe { survivors.block(0, n) };
+        let survivors = survivors.block(0, n);
         kernels::gather(survivors, &mut cloud.states.each_mut().map(Vec::as_mut_slice));
         cloud.pending = false;
         let sd: [f64; N] = std::array::from_fn(|k| {

@@ -19,7 +19,6 @@ pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
-pub(crate) use pool::SharedColumns;
 pub(crate) use propagate::{Survivors, gather, propagate};
 pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,

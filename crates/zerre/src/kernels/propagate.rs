@@ -21,11 +21,12 @@ impl<'a, const N: usize> Survivors<'a, N> {
 
     /// Those of the particles `first..last`.
     ///
-    /// # Safety
-    /// Every ancestor in the range is an index into the columns.
-    pub(crate) unsafe fn block(self, first: usize, last: usize) -> SurvivorBlock<'a, N> {
+    /// # Panics
+    /// If an ancestor in the range is no index into the columns.
+    pub(crate) fn block(self, first: usize, last: usize) -> SurvivorBlock<'a, N> {
         let ancestors = &self.ancestors[first..last];
-        debug_assert!(ancestors.iter().all(|&a| self.from.iter().all(|c| (a as usize) < c.len())));
+        let largest = ancestors.iter().copied().fold(0, u32::max) as usize;
+        assert!(self.from.iter().all(|c| largest < c.len()), "an ancestor that there is not");
         SurvivorBlock { from: self.from, ancestors }
     }
 }

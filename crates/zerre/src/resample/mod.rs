@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::kernels::{
-    BLOCK, BlockSums, Cumulative, Positions, SharedColumns, Simd, Threads, checked_sum, expand_copies,
-    fill_sorted, fill_uniforms, merge_sorted, prefix_sums, split_copies, to_exponentials,
+    BLOCK, BlockSums, Cumulative, Positions, Simd, Threads, checked_sum, expand_copies, fill_sorted,
+    fill_uniforms, merge_sorted, prefix_sums, split_copies, to_exponentials,
 };
 use crate::rng::{Purpose, Stream};
 use serde::{Deserialize, Serialize};
@@ -230,12 +230,10 @@ fn sorted(
             at.draws = (draws as u32, draws as u32);
         }
     }
-    let out = SharedColumns::new([ancestors]);
-    context.threads.for_each_block(blocks, |b, (at, drawn)| {
+    let range = |(at, _): &(Cumulative, usize)| at.draws.0 as usize..at.draws.1 as usize;
+    context.threads.for_each_part(ancestors, blocks, range, |b, part, (at, drawn)| {
         let first = b * BLOCK;
         let weights = &from.weights[first..(first + BLOCK).min(from.weights.len())];
-        // SAFETY: the ranges of draws of different blocks do not overlap.
-        let [part] = unsafe { out.range(at.draws.0 as usize, at.draws.1 as usize) };
         *drawn = fill_sorted(context.level, weights, first as u32, *at, positions, per_weight, part);
     });
     blocks.iter().map(|(_, drawn)| drawn).sum()

@@ -73,7 +73,7 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
         console.info(&settings.effective);
     }
     let scores = scores::score(&call, &settings, &input, &run)?;
-    let outcome = outcome::Outcome::of(&run, &input)?;
+    let outcome = outcome::Outcome::of(&run, &input, &settings.spec(global.seed))?;
 
     let mut record = Record::new("track", global.seed, settings.effective.to_json());
     record.state = if interrupted() { State::Interrupted } else { State::Complete };

@@ -13,7 +13,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 use zerre::Time;
-use zerre::track::{Event, Plot, Reading, Row, State};
+use zerre::track::{DEFAULT_SENSOR, Event, Plot, Reading, Row, State, TrackerSpec};
 use zerre_io::{Component, TrackRow, TrackTable, Unit};
 use zerre_lab::consistency::{Assessment, SensorInnovations, WhitenedComponent, assess};
 
@@ -36,6 +36,8 @@ pub(super) struct Track {
 pub(super) struct Sensor {
     pub name: String,
     pub components: &'static [&'static str],
+    /// Whether its law of errors has heavy tails.
+    pub heavy_tails: bool,
     pub used: u64,
     pub gated: u64,
     pub assessment: Option<Assessment>,
@@ -81,7 +83,7 @@ fn action(event: Event) -> Option<&'static str> {
 }
 
 impl Outcome {
-    pub fn of(run: &Run, input: &Input) -> Result<Outcome, Diagnostic> {
+    pub fn of(run: &Run, input: &Input, spec: &TrackerSpec) -> Result<Outcome, Diagnostic> {
         let mut tracks: BTreeMap<Arc<str>, Track> = BTreeMap::new();
         let mut places: BTreeMap<(Option<&str>, &str), usize> = BTreeMap::new();
         let mut sensors: Vec<Sensor> = Vec::new();
@@ -103,7 +105,20 @@ impl Outcome {
                     Some(sensor) => format!("{sensor}, {kind}"),
                     None => kind.to_owned(),
                 };
-                sensors.push(Sensor { name, components: names, used: 0, gated: 0, assessment: None });
+                let heavy_tails = plot
+                    .sensor
+                    .as_deref()
+                    .and_then(|name| spec.sensors.get(name))
+                    .or_else(|| spec.sensors.get(DEFAULT_SENSOR))
+                    .is_some_and(|sensor| sensor.robust.is_some());
+                sensors.push(Sensor {
+                    name,
+                    components: names,
+                    heavy_tails,
+                    used: 0,
+                    gated: 0,
+                    assessment: None,
+                });
                 sensors.len() - 1
             });
             outcome.sensor_of.push(place);
@@ -147,6 +162,7 @@ impl Outcome {
             let mut all = SensorInnovations {
                 sensor: sensor.name.clone(),
                 dimension: names.len().max(1),
+                heavy_tails_expected: sensor.heavy_tails,
                 components: names
                     .iter()
                     .map(|name| WhitenedComponent { name: (*name).to_owned(), series: Vec::new() })
