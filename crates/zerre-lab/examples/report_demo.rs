@@ -46,6 +46,7 @@ fn run(targets: usize, steps: usize) -> Result<RunReport, zerre_lab::Error> {
             nis: tracks.iter().flat_map(|t| rows(t).into_iter().map(|row| row.nis)).collect(),
             components: (0..components.len()).map(component).collect(),
             noise_share: Some(0.8),
+            heavy_tails_expected: false,
         };
         sensors.push(SensorReport {
             name: (*name).into(),
