@@ -8,8 +8,8 @@
 //! | word | content |
 //! |---|---|
 //! | key 0, 1 | seed, low and high half; [`Stream::fork`] replaces it by a hash of itself and a label (target, run) |
-//! | counter 0 | index: particle, or number of the call inside a block of particles |
-//! | counter 1 | bits 0..8 the [`Purpose`], bits 8..32 the number of the call for the same index |
+//! | counter 0 | index: particle, or number of the call where one call serves several particles |
+//! | counter 1 | bits 0..8 the [`Purpose`], bits 8..32 the number of the call for the same index (1: seeds of xoshiro) |
 //! | counter 2, 3 | step, low and high half |
 
 use crate::math::Real;
@@ -30,6 +30,8 @@ pub enum Purpose {
     Roughen = 3,
     /// Measurement noise of a simulation.
     Measurement = 4,
+    /// Process noise of a simulation.
+    Truth = 6,
     /// Anything else of the caller.
     Other = 5,
     /// Deriving keys.
@@ -88,7 +90,7 @@ pub(crate) const PHILOX_M1: u32 = 0xCD9E_8D57;
 pub(crate) const PHILOX_W0: u32 = 0x9E37_79B9;
 pub(crate) const PHILOX_W1: u32 = 0xBB67_AE85;
 
-/// Scalar random numbers of full resolution, one after the other.
+/// Scalar random numbers of full resolution, one after the other; they repeat after 2^26 words of 32 bits.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: [u32; 2],

@@ -139,7 +139,7 @@ where
     }
 
     /// Leaves out measurements whose squared Mahalanobis distance exceeds the chi-square quantile at `probability`,
-    /// which a measurement of the model does with 1 - `probability`.
+    /// which a measurement of the model does with 1 - `probability` if its errors are normal.
     ///
     /// # Errors
     /// `probability` outside (0, 1).
@@ -227,11 +227,15 @@ where
             return degenerate();
         };
         if scale != 1.0 {
-            let Ok(factor) = Cholesky::of("covariance of the measurement", &noise) else {
+            let Ok(noise_factor) = Cholesky::of("covariance of the measurement", &noise) else {
                 return degenerate();
             };
             let residual = self::innovation::<H, N, M>(&z, &self.measurement.predict(at, mean));
-            log_evidence += H::log_likelihood(&given, mean) - log_density(&residual, &factor);
+            // With h linear the residual is s R S^-1 nu, and its distance at most that of nu. A curved h may leave
+            // more, which must not count as evidence.
+            let excess = noise_factor.mahalanobis_squared(&residual) - factor.mahalanobis_squared(&innovation);
+            let normal = log_density(&residual, &noise_factor) + 0.5 * excess.max(0.0);
+            log_evidence += H::log_likelihood(&given, mean) - normal;
             if !log_evidence.is_finite() {
                 return degenerate();
             }

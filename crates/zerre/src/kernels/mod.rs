@@ -1,5 +1,5 @@
-//! The inner loops: the only place with SIMD, threads and `unsafe`. Every kernel has a naive twin, which is the
-//! scalar level, and gives the same bits on every level and for any number of threads.
+//! The inner loops: the only place with threads and `unsafe`. The scalar level is plain code, the naive twin of what
+//! runs in lanes, and gives the same bits as every other level and any number of threads.
 //!
 //! Particles are processed in fixed blocks of [`BLOCK`]; sums are kept in eight lanes inside a block, folded in a
 //! fixed order, and merged in the order of the blocks.

@@ -96,7 +96,7 @@ impl<const W: usize> NoiseBlock<W> {
     fn single_mut(&mut self, width: usize) -> &mut [f32] {
         assert!(width <= BLOCK);
         (self.width, self.is_double) = (width, false);
-        // SAFETY: inside the union; the slice is only written before it is read.
+        // SAFETY: inside the union, and plain numbers; `fill_noise` writes every one and reads none.
         unsafe { std::slice::from_raw_parts_mut(self.numbers.as_mut_ptr().cast(), W * width) }
     }
 
@@ -126,6 +126,7 @@ pub(crate) fn fill_noise<const W: usize>(
     count: usize,
     noise: &mut NoiseBlock<W>,
 ) {
+    const { assert!(W <= 64, "block numbers times components must fit the 32-bit counter") };
     let width = count.div_ceil(64) * 64;
     match law {
         Noise::StandardNormal => match source.resolution {
@@ -374,25 +375,18 @@ fn unit_open_lanes<S: Token>(simd: S, bits: u64x8<S>) -> Lanes<S> {
 
 /// Uniform numbers on (0, 1) with 32-bit resolution, for resampling: number `64 c + 16 w + 8 h + j` is the middle of the
 /// cell that word `w` of call `16 c + 2 j + h` names. `first` is a multiple of 64; `out` may have any length.
-pub(crate) fn fill_uniforms(
-    level: Simd,
-    stream: Stream,
-    step: u64,
-    draw: u32,
-    first: usize,
-    out: &mut [f64],
-) {
+pub(crate) fn fill_uniforms(level: Simd, stream: Stream, step: u64, first: usize, out: &mut [f64]) {
     dispatch!(
         level,
-        simd => uniforms(simd, stream, step, draw, first, out),
-        naive => naive::uniforms(stream, step, draw, first, out)
+        simd => uniforms(simd, stream, step, first, out),
+        naive => naive::uniforms(stream, step, first, out)
     );
 }
 
 #[inline(always)]
-fn uniforms<S: Token>(simd: S, stream: Stream, step: u64, draw: u32, first: usize, out: &mut [f64]) {
+fn uniforms<S: Token>(simd: S, stream: Stream, step: u64, first: usize, out: &mut [f64]) {
     debug_assert!(first.is_multiple_of(64));
-    let rest = [Purpose::Resample as u32 | draw << 8, step as u32, (step >> 32) as u32];
+    let rest = [Purpose::Resample as u32, step as u32, (step >> 32) as u32];
     let mut call = (first / 4) as u32;
     for chunk in out.chunks_mut(64) {
         let words = philox_x16(simd, stream.key(), call, rest);

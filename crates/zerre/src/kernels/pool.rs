@@ -70,7 +70,7 @@ impl Threads {
         let out = SharedColumns::new([out]);
         self.share(items, |i, item| {
             let range = range(item);
-            // SAFETY: the ranges were found disjoint above, and the items have not changed since.
+            // SAFETY: the ranges were found disjoint above; they are fields of the items, which have not changed since.
             let [part] = unsafe { out.range(range.start, range.end) };
             work(i, part, item);
         });

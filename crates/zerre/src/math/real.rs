@@ -63,7 +63,8 @@ pub trait Real:
     fn hypot(self, other: Self) -> Self {
         self.mul_add(self, other * other).sqrt()
     }
-    /// ln(e^`self` + e^`other`), safe against overflow; -inf is the logarithm of zero.
+    /// ln(e^`self` + e^`other`), safe against overflow; -inf is the logarithm of zero, and NaN is propagated
+    /// from `other`.
     #[inline(always)]
     fn log_add_exp(self, other: Self) -> Self {
         let (big, small) = (self.max(other), self.min(other));

@@ -26,7 +26,7 @@ pub fn path<const N: usize, const W: usize, M: Motion<N, W>>(
                 return Err(Error::OutOfOrder { from, to });
             }
             let step = motion.over(from, to)?;
-            let mut draws = stream.draws(Purpose::Motion, k, 0);
+            let mut draws = stream.draws(Purpose::Truth, k, 0);
             let noise = motion.noise();
             x = M::apply(&step, x, std::array::from_fn(|_| noise.draw(&mut draws)));
         }

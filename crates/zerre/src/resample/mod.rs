@@ -1,5 +1,6 @@
 //! Resampling: `n` weighted particles become `m` equally weighted ones.
 
+use crate::belief::MAX_PARTICLES;
 use crate::error::{Error, Result};
 use crate::kernels::{
     BLOCK, BlockSums, Cumulative, Positions, Simd, Threads, checked_sum, expand_copies, fill_sorted,
@@ -95,7 +96,8 @@ impl Resampler {
     /// least once.
     ///
     /// # Errors
-    /// A weight that is negative or not finite, or weights that are all zero, or whose sum overflows.
+    /// A weight that is negative or not finite, weights that are all zero or whose sum overflows, more than 2^26
+    /// weights or draws.
     pub fn ancestors(
         &mut self,
         weights: &[f64],
@@ -103,6 +105,12 @@ impl Resampler {
         step: u64,
         ancestors: &mut [u32],
     ) -> Result<usize> {
+        for len in [weights.len(), ancestors.len()] {
+            if len > MAX_PARTICLES {
+                let (what, value) = ("number of particles", len as f64);
+                return Err(Error::OutOfRange { what, value, needs: "it must not exceed 2^26" });
+            }
+        }
         let mut pairs = std::mem::take(&mut self.scratch.pairs);
         pairs.clear();
         let mut total = 0.0;
@@ -183,7 +191,7 @@ impl Resampling {
             Resampling::Stratified => {
                 let mut offsets = std::mem::take(&mut scratch.positions);
                 offsets.resize(ancestors.len() + 1, 1.0);
-                fill_uniforms(context.level, context.stream, context.step, 0, 0, &mut offsets);
+                fill_uniforms(context.level, context.stream, context.step, 0, &mut offsets);
                 offsets[ancestors.len()] = 1.0;
                 let positions = Positions::Stratified { offsets: &offsets };
                 let drawn = sorted(context, from, positions, &mut scratch.blocks, ancestors);
@@ -261,7 +269,7 @@ fn sorted_uniforms(context: Context<'_>, count: usize, positions: &mut Vec<f64>)
     for (b, block) in positions.chunks_mut(BLOCK).enumerate() {
         let mut spacings = [0.0; BLOCK];
         let spacings = &mut spacings[..block.len()];
-        fill_uniforms(context.level, context.stream, context.step, 0, b * BLOCK, spacings);
+        fill_uniforms(context.level, context.stream, context.step, b * BLOCK, spacings);
         to_exponentials(context.level, spacings);
         before = prefix_sums(context.level, spacings, 1.0, before, block);
     }

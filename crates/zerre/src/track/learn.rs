@@ -115,6 +115,9 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
 /// a measurement that is all but impossible.
 fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
     const RESTART: f64 = -100.0;
+    // What a gate refuses has no evidence that could be compared: both sides take every measurement.
+    let mut spec = spec.clone();
+    spec.sensors.values_mut().for_each(|sensor| sensor.gate = None);
     let Ok(mut tracker) = spec.build(Engine::default()) else { return f64::NEG_INFINITY };
     let mut total = 0.0;
     for plot in targets.iter().flatten() {
@@ -265,6 +268,9 @@ impl WithMotion for Evidence<'_> {
                     total -= self.reach.map_or(0.0, |reach| shortfall(nis, noise_share, reach));
                 }
             }
+        }
+        if count == 0.0 {
+            return Ok(f64::NEG_INFINITY);
         }
         // A wall that the simplex can climb along: it costs more than any evidence gains.
         let lacking = (ln(LEAST_SHARE) - ln(shares / count)).max(0.0);

@@ -31,7 +31,7 @@ pub struct SensorSpec {
     pub elevation_sd_rad: Option<f64>,
     /// Standard deviation of a range rate, metres per second.
     pub range_rate_sd_mps: Option<f64>,
-    /// Probability with which a true measurement lies inside the gate; `None` for no gate.
+    /// Probability with which a true measurement of normal errors lies inside the gate; `None` or 0 for no gate.
     pub gate: Option<f64>,
     /// A law of errors with heavier tails.
     pub robust: Option<Robust>,

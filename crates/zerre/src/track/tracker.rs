@@ -575,7 +575,13 @@ where
         if plot.time < target.belief.time() {
             return self.row(target, Event::OutOfOrder, None, None);
         }
-        let foretold = self.innovation(&target.belief.law()?, target.belief.time(), plot)?;
+        let foretold = match &target.belief {
+            Belief::Gaussian(belief) => self.innovation(&belief.state, belief.time, plot)?,
+            // A cloud without spread, or without a particle left, foretells nothing; the filter can still go on.
+            Belief::Cloud(cloud) => {
+                cloud.gaussian().and_then(|law| self.innovation(&law, cloud.time(), plot)).unwrap_or(None)
+            }
+        };
         let innovation = foretold.map(|foretold| foretold.innovation);
         let gated = self.gated(plot, innovation.as_ref());
         let update = self.advance(target, plot, !gated)?;
@@ -586,8 +592,16 @@ where
         };
         let update = Update { outcome: if gated { Outcome::Gated } else { update.outcome }, ..update };
         let lost = event == Event::Degenerate || !gated && is_starved(&update, innovation.as_ref());
-        target.degenerate = if lost { target.degenerate + 1 } else { 0 };
-        if lost && target.degenerate >= self.spec.life.restart_after.max(1) {
+        // A refused measurement tells nothing of the belief: it neither counts nor clears the count.
+        target.degenerate = if lost {
+            target.degenerate + 1
+        } else if gated {
+            target.degenerate
+        } else {
+            0
+        };
+        let dead = update.particles.is_some_and(|p| p.ess == 0.0);
+        if dead || lost && target.degenerate >= self.spec.life.restart_after.max(1) {
             let restarted = self.start(Arc::clone(&target.id), target.track, target.starts + 1, plot)?;
             if let Some((restarted, _)) = restarted {
                 *target = restarted;
@@ -604,7 +618,11 @@ where
         update: Option<Update>,
         innovation: Option<Innovation>,
     ) -> Result<Row> {
-        let law = target.belief.law()?;
+        let Ok(law) = target.belief.law() else {
+            // Every particle is lost: there is no estimate until the next start.
+            let row = Row::without_belief(Arc::clone(&target.id), target.belief.time(), event);
+            return Ok(Row { update, innovation, ..row });
+        };
         let mean = match (&target.belief, self.spec.life.estimate) {
             (Belief::Cloud(cloud), Estimate::MaxWeight) => cloud.max_weight(),
             (Belief::Cloud(cloud), Estimate::RobustMean) => cloud.robust_mean(0.1)?,

@@ -183,10 +183,7 @@ impl Run {
             let Ok(run) = follow(&other, plots, workers, console) else { continue };
             let mut reference = Reference { filter, log_evidence: 0.0, own: 0.0, plots: 0 };
             for (own, theirs) in self.rows.iter().zip(&run.rows) {
-                let evidence = |row: &Option<Row>| {
-                    let update = row.as_ref()?.update?;
-                    Some(update.log_evidence).filter(|e| e.is_finite())
-                };
+                let evidence = |row: &Option<Row>| super::outcome::evidence(row.as_ref()?);
                 if let (Some(own), Some(theirs)) = (evidence(own), evidence(theirs)) {
                     reference.own += own;
                     reference.log_evidence += theirs;

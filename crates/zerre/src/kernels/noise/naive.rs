@@ -125,12 +125,12 @@ pub(super) fn normals64(calls: impl Iterator<Item = [u32; 4]>, out: &mut [f64]) 
     }
 }
 
-pub(super) fn uniforms(stream: Stream, step: u64, draw: u32, first: usize, out: &mut [f64]) {
+pub(super) fn uniforms(stream: Stream, step: u64, first: usize, out: &mut [f64]) {
     for (i, out) in out.iter_mut().enumerate() {
         let i = i + first;
         let (chunk, word, half, lane) = (i / 64, i / 16 % 4, i / 8 % 2, i % 8);
         let call = (16 * chunk + 2 * lane + half) as u32;
-        let counter = [call, Purpose::Resample as u32 | draw << 8, step as u32, (step >> 32) as u32];
+        let counter = [call, Purpose::Resample as u32, step as u32, (step >> 32) as u32];
         *out = (f64::from(philox4x32(stream.key(), counter)[word]) + 0.5) * (1.0 / 4_294_967_296.0);
     }
 }

@@ -231,7 +231,8 @@ impl<const N: usize, H: Measurement<N>> Measurement<N> for UniformOutliers<H> {
     #[inline(always)]
     fn log_likelihood<R: Real>(given: &Self::Given<'_>, x: [R; N]) -> R {
         let inlier = H::log_likelihood(&given.sensor, x) + given.log_inlier;
-        inlier.log_add_exp(inlier.constant(given.log_outlier))
+        // In this order a NaN of the sensor stays a NaN, which the filter counts.
+        inlier.constant(given.log_outlier).log_add_exp(inlier)
     }
 }
 
