@@ -357,7 +357,7 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     let said = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("stopped before the end"), "{said}");
     assert_eq!(record(&inside)["state"], "interrupted");
     let rows = std::fs::read_to_string(inside.join("out/tracks.csv")).unwrap();

@@ -29,7 +29,7 @@ struct Document<'a> {
 pub(super) fn run(global: &Global, quick: bool, console: &Console) -> Result<Exit, Diagnostic> {
     let simd = super::simd(global)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = global.threads.map_or(cores, usize::from);
+    let threads = super::threads(global);
     let budget = Duration::from_secs_f64(if quick { 0.1 } else { 2.0 });
     let options = Options { simd, threads, budget };
     run::listen()?;

@@ -38,6 +38,15 @@ fn unknown(what: &str, name: &str, known: &[&str]) -> Diagnostic {
     suggest(Diagnostic::usage(format!("there is no {what} `{name}`")), name, known)
 }
 
+/// More threads than this help nobody, and starting them may fail.
+const MOST_THREADS: usize = 256;
+
+/// The number of threads that the options ask for: all cores unless they say.
+fn threads(global: &Global) -> usize {
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    global.threads.map_or_else(cores, usize::from).min(MOST_THREADS)
+}
+
 /// The SIMD level that the options ask for.
 fn simd(global: &Global) -> Result<zerre::kernels::Simd, Diagnostic> {
     use zerre::kernels::Simd as Engine;

@@ -233,7 +233,8 @@ where
             let residual = self::innovation::<H, N, M>(&z, &self.measurement.predict(at, mean));
             // With h linear the residual is s R S^-1 nu, and its distance at most that of nu. A curved h may leave
             // more, which must not count as evidence.
-            let excess = noise_factor.mahalanobis_squared(&residual) - factor.mahalanobis_squared(&innovation);
+            let excess =
+                noise_factor.mahalanobis_squared(&residual) - factor.mahalanobis_squared(&innovation);
             let normal = log_density(&residual, &noise_factor) + 0.5 * excess.max(0.0);
             log_evidence += H::log_likelihood(&given, mean) - normal;
             if !log_evidence.is_finite() {

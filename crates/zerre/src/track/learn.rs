@@ -163,7 +163,14 @@ fn search(
             }
         }
     }
-    Ok(climb(best.1, |logs| evidence(logs).unwrap_or(f64::NEG_INFINITY)))
+    // Numbers without any scatter (made ones) would drive the noises to zero.
+    let far = |logs: &[f64]| logs.iter().zip(&start).any(|(log, start)| (log - start).abs() > WIDEST);
+    Ok(climb(
+        best.1,
+        |logs| {
+            if far(logs) { f64::NEG_INFINITY } else { evidence(logs).unwrap_or(f64::NEG_INFINITY) }
+        },
+    ))
 }
 
 /// Three digits: more are not known, and fewer are easier to read and to write down.
@@ -279,6 +286,8 @@ impl WithMotion for Evidence<'_> {
     }
 }
 
+/// Logarithm of the largest factor between a noise and the size that is typical of it: 2.4e7.
+const WIDEST: f64 = 17.0;
 /// Turns that the simplex takes at most.
 const MOST_TURNS: usize = 60;
 /// Logarithms closer than this differ by less than one per cent: nothing that can be known.

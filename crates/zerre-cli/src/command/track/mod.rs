@@ -102,5 +102,11 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     if interrupted() {
         console.warn("stopped before the end: what is written is complete as far as it goes");
     }
-    Ok(if args.strict && degraded { Exit::Degraded } else { Exit::Done })
+    Ok(if interrupted() {
+        Exit::CouldNot
+    } else if args.strict && degraded {
+        Exit::Degraded
+    } else {
+        Exit::Done
+    })
 }

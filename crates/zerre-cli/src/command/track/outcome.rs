@@ -267,6 +267,7 @@ impl Outcome {
             .collect();
         let mut document = json!({
             "tracks": tracks,
+            "state": record.state,
             "counts": record.counts,
             "outcomes": record.outcomes,
             "sensors": sensors,

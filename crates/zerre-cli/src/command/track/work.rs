@@ -22,8 +22,7 @@ pub(super) struct Workers {
 impl Workers {
     pub fn new(global: &Global) -> Result<Workers, Diagnostic> {
         let simd = crate::command::simd(global)?;
-        let all = || std::thread::available_parallelism().map_or(1, usize::from);
-        Ok(Workers { threads: global.threads.map_or_else(all, usize::from), simd })
+        Ok(Workers { threads: crate::command::threads(global), simd })
     }
 
     /// What one of `targets` that are followed at the same time computes with.
