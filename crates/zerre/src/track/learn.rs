@@ -92,7 +92,9 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     };
     let (mut best, mut logs, log_evidence) = learnt(spec.clone())?;
     if !log_evidence.is_finite() {
-        let text = "the recording tells nothing of the noises: give them in the configuration";
+        let text = "the recording tells nothing of the noises: measurements of a target must follow each other within \
+                    max_gap, and where none gives a position its start needs position_m and position_sd_m; or give \
+                    the noises";
         return Err(Error::Unsupported(text.to_owned()));
     }
     let mut heavy_tails = None;
