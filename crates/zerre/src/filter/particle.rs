@@ -4,9 +4,11 @@
 use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
-use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Simd, Survivors, Threads, Total};
+use crate::kernels::{
+    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Resolution, Simd, Survivors, Threads, Total,
+};
 use crate::math::{Cholesky, Real};
-use crate::model::{Likelihood, Motion};
+use crate::model::{Likelihood, Motion, Noise};
 use crate::resample::{BlockWeights, Context, Resampling, Trigger};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
@@ -24,13 +26,15 @@ impl<const N: usize> Prior<N> for Gaussian<N> {
     fn columns(&self, stream: Stream, n: usize) -> Result<[Vec<f64>; N]> {
         // Not triangular: a semidefinite factor takes its pivots in the order of their size.
         let factor = Cholesky::semidefinite("covariance of the prior", self.covariance())?;
-        let mut columns = std::array::from_fn(|_| Vec::with_capacity(n));
-        for particle in 0..n {
-            let mut draws = stream.draws(Purpose::Prior, 0, particle as u32);
-            let z: [f64; N] = std::array::from_fn(|_| draws.normal());
-            for (i, column) in columns.iter_mut().enumerate() {
-                column.push((0..N).fold(self.mean()[i], |x, k| factor.0[i][k].mul_add(z[k], x)));
-            }
+        let mut columns = std::array::from_fn(|_| vec![0.0; n]);
+        let source = NoiseSource { resolution: Resolution::Bits64, ..NoiseSource::default() };
+        let mut noise = NoiseBlock::<N>::new();
+        for (block, first) in (0..n).step_by(BLOCK).enumerate() {
+            let last = n.min(first + BLOCK);
+            let key = NoiseKey { stream, purpose: Purpose::Prior, step: 0, block };
+            kernels::fill_noise(Simd::best(), source, Noise::StandardNormal, key, last - first, &mut noise);
+            let mut states = columns.each_mut().map(|c| &mut c[first..last]);
+            kernels::draw_normal(Simd::best(), self.mean(), &factor.0, &noise, &mut states);
         }
         Ok(columns)
     }
@@ -131,10 +135,10 @@ where
             &mut cloud.blocks,
             |b, mut states, [scores, weights], sums| {
                 let (first, last) = (b * BLOCK, b * BLOCK + scores.len());
-                let survivors = (!in_place).then(|| survivors.block(first, last));
+                let survivors = (!in_place).then(|| survivors.block(simd, first, last));
                 if let Some(step) = step {
                     let mut noise = NoiseBlock::<W>::new();
-                    let key = NoiseKey { stream, step: number, block: b };
+                    let key = NoiseKey { stream, purpose: Purpose::Motion, step: number, block: b };
                     kernels::fill_noise(simd, source, law, key, last - first, &mut noise);
                     kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
                 } else if let Some(survivors) = survivors {
@@ -158,7 +162,7 @@ where
         let scale = self.settings.roughening * Real::exp(-Real::ln(n as f64) / N as f64);
         std::mem::swap(&mut cloud.states, &mut cloud.spare);
         let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
-        let survivors = survivors.block(0, n);
+        let survivors = survivors.block(self.settings.simd, 0, n);
         kernels::gather(survivors, &mut cloud.states.each_mut().map(Vec::as_mut_slice));
         cloud.pending = false;
         let sd: [f64; N] = std::array::from_fn(|k| {

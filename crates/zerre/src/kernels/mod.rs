@@ -19,7 +19,7 @@ pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
-pub(crate) use propagate::{Survivors, gather, propagate};
+pub(crate) use propagate::{Survivors, draw_normal, gather, propagate};
 pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };
@@ -27,7 +27,7 @@ pub(crate) use score::score;
 pub(crate) use weigh::{BlockSums, Total, weigh};
 
 /// Particles per block: small enough that states, noise and weights of a block stay in the first-level cache.
-pub const BLOCK: usize = 256;
+pub const BLOCK: usize = 512;
 
 /// Particles per SIMD operation, on every level.
 pub(crate) const LANES: usize = 8;

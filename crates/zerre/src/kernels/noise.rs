@@ -113,6 +113,7 @@ impl<const W: usize> NoiseBlock<W> {
 #[derive(Clone, Copy)]
 pub(crate) struct NoiseKey {
     pub(crate) stream: Stream,
+    pub(crate) purpose: Purpose,
     pub(crate) step: u64,
     pub(crate) block: usize,
 }
@@ -166,7 +167,7 @@ pub(crate) fn fill_noise<const W: usize>(
             out.fill(0.0);
             let first = (key.block * BLOCK) as u32;
             for (i, particle) in (first..).take(count).enumerate() {
-                let mut draws = key.stream.draws(Purpose::Motion, key.step, particle);
+                let mut draws = key.stream.draws(key.purpose, key.step, particle);
                 for w in 0..W {
                     out[w * width + i] = draws.gamma(shape);
                 }
@@ -194,7 +195,7 @@ impl<S: Token> Words<S> for Counter {
         Counter {
             key: at.stream.key(),
             next: (at.block as u32).wrapping_mul((components * BLOCK) as u32),
-            rest: [Purpose::Motion as u32, at.step as u32, (at.step >> 32) as u32],
+            rest: [at.purpose as u32, at.step as u32, (at.step >> 32) as u32],
         }
     }
 

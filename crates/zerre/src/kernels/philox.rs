@@ -16,6 +16,9 @@ pub(super) fn philox_x16<S: Simd>(simd: S, key: [u32; 2], first: u32, rest: [u32
 }
 
 /// The ten rounds on eight counters. Only the low half of each lane has a meaning.
+///
+/// Three of the four counter words are the same in all lanes: half of the first two rounds is scalar arithmetic, which
+/// the caller's loop needs once.
 #[inline(always)]
 fn rounds<S: Simd>(
     simd: S,
@@ -24,8 +27,19 @@ fn rounds<S: Simd>(
     [c1, c2, c3]: [u32; 3],
 ) -> [u64x8<S>; 4] {
     let (m0, m1) = (wide(simd, PHILOX_M0), wide(simd, PHILOX_M1));
-    let (mut c0, mut c1, mut c2, mut c3) = (c0, wide(simd, c1), wide(simd, c2), wide(simd, c3));
-    for _ in 0..PHILOX_ROUNDS {
+    let p0 = multiply_low_halves(simd, c0, m0);
+    let p1 = u64::from(PHILOX_M1) * u64::from(c2);
+    let (s0, s1) = ((p1 >> 32) as u32 ^ c1 ^ k0, p1 as u32);
+    let c2 = (p0 >> 32) ^ wide(simd, c3 ^ k1);
+    (k0, k1) = (k0.wrapping_add(PHILOX_W0), k1.wrapping_add(PHILOX_W1));
+
+    let s = u64::from(PHILOX_M0) * u64::from(s0);
+    let p1 = multiply_low_halves(simd, c2, m1);
+    let mut c0 = (p1 >> 32) ^ wide(simd, s1 ^ k0);
+    let mut c2 = p0 ^ wide(simd, (s >> 32) as u32 ^ k1);
+    let (mut c1, mut c3) = (p1, wide(simd, s as u32));
+    (k0, k1) = (k0.wrapping_add(PHILOX_W0), k1.wrapping_add(PHILOX_W1));
+    for _ in 2..PHILOX_ROUNDS {
         let p0 = multiply_low_halves(simd, c0, m0);
         let p1 = multiply_low_halves(simd, c2, m1);
         c0 = (p1 >> 32) ^ c1 ^ wide(simd, k0);

@@ -17,7 +17,7 @@ pub enum Threads {
 }
 
 /// Blocks that one task takes at least: below this, handing work over costs more than doing it.
-const MIN_BLOCKS_PER_TASK: usize = 8;
+const MIN_BLOCKS_PER_TASK: usize = 4;
 
 impl Threads {
     /// `count` threads; 0 or 1 is the calling thread.

@@ -2,7 +2,7 @@
 
 use super::noise::NoiseBlock;
 use super::{LANES, Simd};
-use crate::math::Lanes;
+use crate::math::{Lanes, Real};
 use crate::model::Motion;
 use fearless_simd::Simd as Token;
 
@@ -23,9 +23,14 @@ impl<'a, const N: usize> Survivors<'a, N> {
     ///
     /// # Panics
     /// If an ancestor in the range is no index into the columns.
-    pub(crate) fn block(self, first: usize, last: usize) -> SurvivorBlock<'a, N> {
+    pub(crate) fn block(self, level: Simd, first: usize, last: usize) -> SurvivorBlock<'a, N> {
+        #[inline(always)]
+        fn largest<T>(indices: &[u32], _: T) -> u32 {
+            indices.iter().copied().fold(0, u32::max)
+        }
         let ancestors = &self.ancestors[first..last];
-        let largest = ancestors.iter().copied().fold(0, u32::max) as usize;
+        let largest =
+            dispatch!(level, simd => largest(ancestors, simd), naive => largest(ancestors, ())) as usize;
         assert!(self.from.iter().all(|c| largest < c.len()), "an ancestor that there is not");
         SurvivorBlock { from: self.from, ancestors }
     }
@@ -142,6 +147,55 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
         level,
         simd => run::<N, W, M, _>(simd, step, noise, survivors, states),
         naive => naive::<N, W, M>(step, noise, survivors, states)
+    );
+}
+
+/// `states[k][i] <- mean[k] + sum over j of factor[k][j] z_ij`, z being the block's noise: a draw from a normal law.
+pub(crate) fn draw_normal<const N: usize>(
+    level: Simd,
+    mean: &[f64; N],
+    factor: &[[f64; N]; N],
+    noise: &NoiseBlock<N>,
+    states: &mut [&mut [f64]; N],
+) {
+    #[inline(always)]
+    fn run<const N: usize, S: Token>(
+        simd: S,
+        mean: &[f64; N],
+        factor: &[[f64; N]; N],
+        noise: &NoiseBlock<N>,
+        states: &mut [&mut [f64]; N],
+    ) {
+        let count = states[0].len();
+        assert!(states.iter().all(|c| c.len() == count) && count <= noise.width);
+        for i in (0..count).step_by(LANES) {
+            let z = noise_lanes(simd, noise, i);
+            for k in 0..N {
+                let mut x = Lanes::splat(simd, mean[k]);
+                for j in 0..N {
+                    x = z[j].mul_add(Lanes::splat(simd, factor[k][j]), x);
+                }
+                store_part(x, &mut states[k][i..count.min(i + LANES)]);
+            }
+        }
+    }
+    fn naive<const N: usize>(
+        mean: &[f64; N],
+        factor: &[[f64; N]; N],
+        noise: &NoiseBlock<N>,
+        states: &mut [&mut [f64]; N],
+    ) {
+        for i in 0..states[0].len() {
+            for k in 0..N {
+                states[k][i] =
+                    (0..N).fold(mean[k], |x, j| Real::mul_add(noise.number(j, i), factor[k][j], x));
+            }
+        }
+    }
+    dispatch!(
+        level,
+        simd => run(simd, mean, factor, noise, states),
+        naive => naive(mean, factor, noise, states)
     );
 }
 

@@ -2,7 +2,7 @@
 
 use super::{BLOCK, LANES, Simd};
 use crate::math::{Lanes, Real};
-use fearless_simd::{Simd as Token, f64x8, prelude::*, u64x8};
+use fearless_simd::{Simd as Token, f64x8, prelude::*, u32x16, u64x8};
 
 /// Where a block stands in the cumulative weights of the whole.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,19 +19,22 @@ pub(crate) struct Cumulative {
 pub(crate) fn prefix_sums(level: Simd, weights: &[f64], factor: f64, before: f64, out: &mut [f64]) -> f64 {
     #[inline(always)]
     fn run<S: Token>(simd: S, weights: &[f64], factor: f64, before: f64, out: &mut [f64]) -> f64 {
-        let mut carry = before;
-        let mut i = 0;
-        while i < weights.len() {
-            let n = LANES.min(weights.len() - i);
-            let w = load_zeros(simd, &weights[i..i + n]);
-            let sums = prefix(simd, w).mul_add(Lanes::splat(simd, factor), Lanes::splat(simd, carry));
-            let mut a = [0.0; LANES];
-            sums.store(&mut a);
-            out[i..i + n].copy_from_slice(&a[..n]);
-            carry = a[n - 1];
-            i += n;
+        let factor = Lanes::splat(simd, factor);
+        let mut carry = Lanes::splat(simd, before);
+        let whole = weights.len() / LANES * LANES;
+        for (weights, out) in weights.chunks_exact(LANES).zip(out.chunks_exact_mut(LANES)) {
+            let sums = prefix(simd, Lanes::load(simd, weights));
+            sums.mul_add(factor, carry).store(out);
+            carry = splat_last(simd, sums).mul_add(factor, carry);
         }
-        carry
+        if whole == weights.len() {
+            return carry.0[0];
+        }
+        let rest = &mut out[whole..weights.len()];
+        let mut all = [0.0; LANES];
+        prefix(simd, load_zeros(simd, &weights[whole..])).mul_add(factor, carry).store(&mut all);
+        rest.copy_from_slice(&all[..rest.len()]);
+        rest[rest.len() - 1]
     }
     fn naive(weights: &[f64], factor: f64, mut carry: f64, out: &mut [f64]) -> f64 {
         for (weights, out) in weights.chunks(LANES).zip(out.chunks_mut(LANES)) {
@@ -95,9 +98,6 @@ fn prefix_naive(weights: &[f64]) -> [f64; LANES] {
 
 #[inline(always)]
 fn load_zeros<S: Token>(simd: S, from: &[f64]) -> Lanes<S> {
-    if from.len() == LANES {
-        return Lanes::load(simd, from);
-    }
     let mut all = [0.0; LANES];
     all[..from.len()].copy_from_slice(from);
     Lanes::load(simd, &all)
@@ -176,16 +176,14 @@ pub(crate) fn fill_sorted(
         simd => run(simd, weights, at, positions, per_weight, ends),
         naive => naive(weights, at, positions, per_weight, ends)
     );
-    let (start, mut drawn) = dispatch!(
-        level,
-        simd => write_ends(ends, first, ancestors, simd),
-        naive => write_ends(ends, first, ancestors, ())
-    );
+    let mut drawn = write_runs(level, ends, first, ancestors);
     // The block's sum and its cumulative sums round differently: a position at the very end may be left to nobody. It
     // belongs to the last weight that is not zero.
-    if start < ancestors.len() {
+    let nobody = first + weights.len() as u32;
+    if ancestors.last() == Some(&nobody) {
+        let start = ancestors.partition_point(|&a| a < nobody);
         let heir = first + weights.iter().rposition(|&w| w > 0.0).unwrap_or(0) as u32;
-        drawn += usize::from(start == 0 || ancestors[start - 1] != heir);
+        drawn -= usize::from(start > 0 && ancestors[start - 1] == heir);
         ancestors[start..].fill(heir);
     }
     drawn
@@ -237,48 +235,93 @@ fn count_below<S: Token>(simd: S, weights: &[f64], at: Cumulative, ends: &mut [u
     let (from, to) = (Lanes::splat(simd, f64::from(at.draws.0)), Lanes::splat(simd, f64::from(at.draws.1)));
     let factor = Lanes::splat(simd, at.factor);
     let mut carry = Lanes::splat(simd, at.before);
-    let whole = weights.len() / LANES * LANES;
-    for i in (0..whole).step_by(LANES) {
-        let sums = prefix(simd, Lanes::load(simd, &weights[i..i + LANES])).mul_add(factor, carry);
-        carry = splat_last(simd, sums);
-        to_integers(positions.below(simd, sums).max(from).min(to) - from)
-            .store_slice(&mut ends[i..i + LANES]);
+    let (eights, mut ends) = (weights.chunks_exact(LANES), ends.chunks_mut(LANES));
+    let rest = eights.remainder();
+    for (eight, ends) in eights.zip(&mut ends) {
+        let sums = prefix(simd, Lanes::load(simd, eight));
+        let below = positions.below(simd, sums.mul_add(factor, carry)).max(from).min(to) - from;
+        to_integers(below).store_slice(ends);
+        // The last of these sums, but from where the next eight need not wait for them.
+        carry = splat_last(simd, sums).mul_add(factor, carry);
     }
-    if whole < weights.len() {
-        let sums = prefix(simd, load_zeros(simd, &weights[whole..])).mul_add(factor, carry);
-        let all: [u64; LANES] = to_integers(positions.below(simd, sums).max(from).min(to) - from).into();
-        let rest = &mut ends[whole..];
-        rest.copy_from_slice(&all[..rest.len()]);
+    if let Some(ends) = ends.next() {
+        let sums = prefix(simd, load_zeros(simd, rest)).mul_add(factor, carry);
+        let below: [u64; LANES] = to_integers(positions.below(simd, sums).max(from).min(to) - from).into();
+        ends.copy_from_slice(&below[..ends.len()]);
     }
 }
 
-/// Writes `first + i` from the end before it to `ends[i]`, for all `i`; returns the last end, and how many `i` wrote
-/// anything. The token only tells the compiler which instructions it may use.
+/// Writes `first` to the places before `ends[0]`, `first + 1` from there to `ends[1]`, and so on; behind the last end
+/// `first + ends.len()`. Returns how many different indices were written.
+///
+/// Each end leaves a mark, the index that begins there plus one; a running maximum then fills the gaps. No branch depends
+/// on the data. Of ends that rounding has out of order the later one counts.
+fn write_runs(level: Simd, ends: &[u64], first: u32, out: &mut [u32]) -> usize {
+    #[inline(always)]
+    fn run<S: Token>(simd: S, out: &mut [u32]) -> usize {
+        let (zero, one) = (u32x16::splat(simd, 0), u32x16::splat(simd, 1));
+        let (mut begun, mut carry) = (zero, zero);
+        let mut sixteens = out.chunks_exact_mut(16);
+        for out in &mut sixteens {
+            let marks = u32x16::from_slice(simd, out);
+            let x = simd.max_u32x16(marks, up::<S, 1, 15>(simd, marks));
+            let x = simd.max_u32x16(x, up::<S, 2, 14>(simd, x));
+            let x = simd.max_u32x16(x, up::<S, 4, 12>(simd, x));
+            let x = simd.max_u32x16(x, up::<S, 8, 8>(simd, x));
+            let x = simd.max_u32x16(x, carry);
+            begun += simd.simd_eq_u32x16(marks, x).select(one, zero);
+            carry = u32x16::splat(simd, x[15]);
+            (x - one).store_slice(out);
+        }
+        let begun: [u32; 16] = begun.into();
+        begun.iter().sum::<u32>() as usize + naive(sixteens.into_remainder(), carry[0])
+    }
+    /// Continues from the largest mark before; returns how many places began an index.
+    #[inline(always)]
+    fn naive(out: &mut [u32], mut largest: u32) -> usize {
+        let mut begun = 0;
+        for out in out {
+            largest = largest.max(*out);
+            begun += usize::from(*out == largest);
+            *out = largest - 1;
+        }
+        begun
+    }
+    out.fill(0);
+    for (mark, &end) in (first + 2..).zip(ends) {
+        if let Some(out) = out.get_mut(end as usize) {
+            *out = mark;
+        }
+    }
+    if let Some(out) = out.first_mut() {
+        *out = (*out).max(first + 1);
+    }
+    dispatch!(level, simd => run(simd, out), naive => naive(out, 0))
+}
+
+/// Every lane moved up by `BY` places; zeros move in. `REST` is 16 - `BY`.
 #[inline(always)]
-fn write_ends<T>(ends: &[u64], first: u32, out: &mut [u32], _: T) -> (usize, usize) {
-    let (mut start, mut drawn, mut i) = (0, 0, 0);
-    // Eight indices at once; what stands behind an end is overwritten by those that follow.
-    while i < ends.len() && start + LANES <= out.len() {
-        // Rounding may make a cumulative sum a little smaller than the one before.
-        let end = (ends[i] as usize).max(start);
-        let value = first + i as u32;
-        out[start..start + LANES].fill(value);
-        if end > start + LANES {
-            out[start + LANES..end].fill(value);
-        }
-        drawn += usize::from(end != start);
-        start = end;
-        i += 1;
+fn up<S: Token, const BY: i32, const REST: usize>(simd: S, x: u32x16<S>) -> u32x16<S> {
+    #[cfg(target_arch = "x86_64")]
+    if let fearless_simd::Level::Avx512(token) = simd.level() {
+        use std::arch::x86_64::{
+            __m512i, _mm512_add_epi32, _mm512_maskz_permutexvar_epi32, _mm512_set_epi32, _mm512_set1_epi32,
+        };
+        fearless_simd::kernel!(
+            #[inline(always)]
+            fn permute(avx512: Avx512, x: __m512i, by: i32) -> __m512i {
+                let lane = _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
+                let from = _mm512_add_epi32(lane, _mm512_set1_epi32(-by));
+                _mm512_maskz_permutexvar_epi32(0xffffu16 << by, from, x)
+            }
+        );
+        let lanes: [u32; 16] = x.into();
+        let lanes: u32x16<_> = lanes.simd_into(token);
+        let moved: u32x16<_> = permute(token, lanes.into(), BY).simd_into(token);
+        let moved: [u32; 16] = moved.into();
+        return moved.simd_into(simd);
     }
-    for (i, &end) in ends.iter().enumerate().skip(i) {
-        let end = end as usize;
-        if end > start {
-            out[start..end].fill(first + i as u32);
-            drawn += 1;
-            start = end;
-        }
-    }
-    (start, drawn)
+    simd.slide_u32x16::<REST>(u32x16::splat(simd, 0), x)
 }
 
 /// Non-negative integer-valued lanes below 2^51 as integers: under the exponent of 2^52 the mantissa is the integer.
@@ -330,22 +373,17 @@ pub(crate) fn split_copies(
     )
 }
 
-/// Writes each index as often as it has copies; returns how many were written, and how many indices had any.
-pub(crate) fn expand_copies(level: Simd, copies: &[u32], first: u32, out: &mut [u32]) -> (usize, usize) {
+/// Writes each index as often as `counts` says; returns how many were written, and how many indices had any.
+pub(crate) fn expand_copies(level: Simd, counts: &[u32], first: u32, out: &mut [u32]) -> (usize, usize) {
     let mut ends = [0; BLOCK];
-    let ends = &mut ends[..copies.len()];
+    let ends = &mut ends[..counts.len()];
     let mut used = 0;
-    for (end, &copies) in ends.iter_mut().zip(copies) {
-        used += u64::from(copies);
+    for (end, &count) in ends.iter_mut().zip(counts) {
+        used += u64::from(count);
         *end = used;
     }
     let used = used as usize;
-    let (_, drawn) = dispatch!(
-        level,
-        simd => write_ends(ends, first, &mut out[..used], simd),
-        naive => write_ends(ends, first, &mut out[..used], ())
-    );
-    (used, drawn)
+    (used, write_runs(level, ends, first, &mut out[..used]))
 }
 
 /// For each of the sorted `positions` (times `scale`) the first `i` such that it lies below `cumulative[i]`, or the last
@@ -426,4 +464,136 @@ pub(crate) fn checked_sum(level: Simd, weights: &[f64]) -> (f64, bool) {
         (sums.iter().sum(), good)
     }
     dispatch!(level, simd => run(weights, simd), naive => run(weights, ()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Draws, Purpose, Stream};
+
+    fn draws(index: u32) -> Draws {
+        Stream::new(11).draws(Purpose::Other, 0, index)
+    }
+
+    /// One place after the other, as the words of [`write_runs`] say.
+    fn runs_by_hand(ends: &[u64], first: u32, len: usize) -> (Vec<u32>, usize) {
+        let out: Vec<u32> = (0..len as u64)
+            .map(|place| first + ends.iter().rposition(|&end| end <= place).map_or(0, |i| i as u32 + 1))
+            .collect();
+        let mut distinct = out.clone();
+        distinct.dedup();
+        (out, distinct.len())
+    }
+
+    #[test]
+    fn runs_are_those_written_by_hand() {
+        for case in 0..200 {
+            let mut draws = draws(case);
+            let sources = 1 + (draws.next_u32() % 40) as usize;
+            let longest = [1, 3, 60][case as usize % 3];
+            let mut ends = Vec::new();
+            let mut end = 0;
+            for _ in 0..sources {
+                end += u64::from(draws.next_u32() % (longest + 1));
+                // Now and then one step back, as rounding of sums may have it.
+                ends.push(if draws.next_u32() % 16 == 0 { end.saturating_sub(1) } else { end });
+            }
+            // Shorter than the ends, as long, and with places that nobody fills.
+            for len in [(end / 2) as usize, end as usize, end as usize + 5] {
+                for first in [0, 1, 512] {
+                    let by_hand = runs_by_hand(&ends, first, len);
+                    for level in Simd::available() {
+                        let mut out = vec![7; len];
+                        let distinct = write_runs(level, &ends, first, &mut out);
+                        assert_eq!((out, distinct), by_hand, "case {case} {level:?} first {first}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn merging_is_searching_for_each_position() {
+        for case in 0..60 {
+            let mut draws = draws(1000 + case);
+            let mut rising = |n: usize, zeros: bool| {
+                let mut sum = 0.0;
+                let mut sums: Vec<f64> = Vec::new();
+                for _ in 0..n {
+                    sum += if zeros && draws.next_u32() % 3 == 0 { 0.0 } else { draws.uniform() };
+                    sums.push(sum);
+                }
+                sums.push(f64::INFINITY);
+                (sums, sum)
+            };
+            let (cumulative, total) = rising(1 + case as usize * 7 % 50, true);
+            let (positions, last) = rising(case as usize * 11 % 70, false);
+            let scale = if last > 0.0 { 0.999 * total / last } else { 1.0 };
+            let n = cumulative.len() - 1;
+            let by_search: Vec<u32> = positions[..positions.len() - 1]
+                .iter()
+                .map(|p| cumulative[..n].partition_point(|&c| c <= p * scale).min(n - 1) as u32)
+                .collect();
+            let mut merged = vec![0; by_search.len()];
+            merge_sorted(&cumulative, &positions, scale, &mut merged);
+            assert_eq!(merged, by_search, "case {case}");
+        }
+    }
+
+    #[test]
+    fn sums_and_copies_are_those_of_one_weight_after_the_other() {
+        let mut draws = draws(5000);
+        for n in [1, 7, 8, 9, 16, 255, 512] {
+            let weights: Vec<f64> = (0..n).map(|_| draws.uniform()).collect();
+            let sum: f64 = weights.iter().sum();
+            for level in Simd::available() {
+                let (checked, good) = checked_sum(level, &weights);
+                // Two orders of n additions of positive numbers.
+                assert!(good && (checked - sum).abs() <= 2.0 * n as f64 * f64::EPSILON * sum);
+                for bad in [-1e-300, f64::NAN] {
+                    let mut spoilt = weights.clone();
+                    spoilt[n / 2] = bad;
+                    assert!(!checked_sum(level, &spoilt).1, "{level:?} {n} {bad}");
+                }
+                let (mut whole, mut fraction) = (vec![0; n], vec![0.0; n]);
+                let sure = split_copies(level, &weights, (1.0, 100.0), &mut whole, &mut fraction);
+                assert_eq!(sure, whole.iter().map(|&w| u64::from(w)).sum::<u64>());
+                for ((w, whole), fraction) in weights.iter().zip(&whole).zip(&fraction) {
+                    let expected = w * 100.0;
+                    // A whole number that rounding missed is lifted by at most 1e-12 of itself.
+                    assert!(
+                        (expected - f64::from(*whole) - fraction).abs() <= 1e-12 * expected + f64::EPSILON
+                    );
+                    assert!((0.0..1.0).contains(fraction));
+                }
+                let (written, distinct) = expand_copies(level, &whole, 3, &mut vec![0; sure as usize + 4]);
+                assert_eq!(written as u64, sure);
+                assert_eq!(distinct, whole.iter().filter(|&&w| w > 0).count());
+            }
+        }
+    }
+
+    #[test]
+    fn prefix_sums_are_the_same_on_every_level() {
+        let mut draws = draws(6000);
+        for n in [1, 8, 13, 64, 100] {
+            let weights: Vec<f64> = (0..n).map(|_| draws.uniform()).collect();
+            let mut exact = 0.25;
+            let mut first = Vec::new();
+            for level in Simd::available() {
+                let mut out = vec![0.0; n];
+                let last = prefix_sums(level, &weights, 0.5, 0.25, &mut out);
+                assert_eq!(last, out[n - 1]);
+                if first.is_empty() {
+                    for (sum, w) in out.iter().zip(&weights) {
+                        exact += 0.5 * w;
+                        assert!((sum - exact).abs() <= 2.0 * n as f64 * f64::EPSILON * exact);
+                    }
+                    first = out;
+                } else {
+                    assert_eq!(out, first, "{level:?}");
+                }
+            }
+        }
+    }
 }

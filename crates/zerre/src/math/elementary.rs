@@ -122,17 +122,30 @@ pub fn sin_cos<F: Float>(x: F) -> (F, F) {
 /// zeros in `x`; NaN if either is NaN or both are infinite.
 #[inline(always)]
 pub fn atan2<F: Float>(y: F, x: F) -> F {
+    const TAN_PI_8: f64 = std::f64::consts::SQRT_2 - 1.0;
     let zero = x.constant(0.0);
     let (ay, ax) = (y.abs(), x.abs());
+    // Where every point lies near the positive x axis, as innovations do, the reductions below change nothing.
+    if ay.all_lt(x * TAN_PI_8) {
+        return atan_small(ay / x).copysign(y);
+    }
     let large = ax.if_lt(ay, ay, ax);
     let small = ax.if_lt(ay, ax, ay);
     // Reduce to |t| <= tan(pi/8): atan(u) = pi/4 + atan((u - 1) / (u + 1)).
-    let corner = large * (std::f64::consts::SQRT_2 - 1.0);
+    let corner = large * TAN_PI_8;
     let numerator = corner.if_lt(small, small - large, small);
     let denominator = corner.if_lt(small, small + large, large);
     let base = corner.if_lt(small, x.constant(std::f64::consts::FRAC_PI_4), zero);
     let denominator = zero.if_lt(denominator, denominator, denominator + f64::MIN_POSITIVE);
-    let t = numerator / denominator;
+    let first = atan_small(numerator / denominator) + base;
+    let second = ax.if_lt(ay, -first + std::f64::consts::FRAC_PI_2, first);
+    let half_plane = x.if_lt(zero, -second + std::f64::consts::PI, second);
+    half_plane.copysign(y)
+}
+
+/// atan t for |t| <= tan(pi/8).
+#[inline(always)]
+fn atan_small<F: Float>(t: F) -> F {
     let z = t * t;
     let p = poly!(
         z,
@@ -147,10 +160,7 @@ pub fn atan2<F: Float>(y: F, x: F) -> F {
         -0.044_832_186_289_953_74,
         0.022_748_939_747_779_046
     );
-    let first = (t * z).mul_add(p, t) + base;
-    let second = ax.if_lt(ay, -first + std::f64::consts::FRAC_PI_2, first);
-    let half_plane = x.if_lt(zero, -second + std::f64::consts::PI, second);
-    half_plane.copysign(y)
+    (t * z).mul_add(p, t)
 }
 
 #[cfg(test)]

@@ -144,6 +144,10 @@ impl<S: Simd> Float for Lanes<S> {
         Lanes(self.simd().copysign_f64x8(self.0, sign.0))
     }
     #[inline(always)]
+    fn all_lt(self, other: Self) -> bool {
+        self.simd().simd_lt_f64x8(self.0, other.0).all_true()
+    }
+    #[inline(always)]
     fn swap_if_odd(self, a: Self, b: Self) -> (Self, Self) {
         let simd = self.simd();
         let one = u64x8::splat(simd, 1);

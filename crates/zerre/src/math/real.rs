@@ -86,6 +86,8 @@ pub trait Float: Real {
     fn split_exponent(self) -> (Self, Self);
     /// Magnitude of `self`, sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
+    /// Whether `self` < `other` in every lane.
+    fn all_lt(self, other: Self) -> bool;
     /// (`a`, `b`) where the integer-valued `self` is even, (`b`, `a`) where it is odd.
     fn swap_if_odd(self, a: Self, b: Self) -> (Self, Self);
     /// `-a` where bit 1 of the integer-valued `self` is set.
@@ -155,6 +157,10 @@ impl Float for f64 {
     #[inline(always)]
     fn copysign(self, sign: f64) -> f64 {
         f64::copysign(self, sign)
+    }
+    #[inline(always)]
+    fn all_lt(self, other: f64) -> bool {
+        self < other
     }
     #[inline(always)]
     fn swap_if_odd(self, a: f64, b: f64) -> (f64, f64) {

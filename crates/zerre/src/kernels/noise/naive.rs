@@ -14,7 +14,7 @@ pub(super) struct Counter {
 impl Counter {
     pub(super) fn new(at: NoiseKey, components: usize) -> Self {
         let first = (at.block as u32).wrapping_mul((components * BLOCK) as u32);
-        let counter = [first, Purpose::Motion as u32, at.step as u32, (at.step >> 32) as u32];
+        let counter = [first, at.purpose as u32, at.step as u32, (at.step >> 32) as u32];
         Counter { key: at.stream.key(), counter }
     }
 }
