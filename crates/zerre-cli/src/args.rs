@@ -5,6 +5,7 @@ use clap::{ArgAction, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -34,10 +35,13 @@ pub struct Args {
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
     /// Seed of all random numbers: the same seed gives the same bits
+    // What looks like a number is a value, so that the complaint is about the value.
     #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    #[arg(allow_negative_numbers = true, value_parser = seed)]
     pub seed: u64,
     /// Threads [default: all cores]; never changes results
     #[arg(long, global = true, value_name = "N")]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroUsize>)]
     pub threads: Option<NonZeroUsize>,
     /// SIMD level, for tests; never changes results
     #[arg(long, global = true, value_name = "LEVEL", default_value = "auto")]
@@ -67,6 +71,15 @@ pub struct Global {
     // One form of help: the long one of clap spends a screen on lists of words.
     #[arg(short, long, global = true, action = ArgAction::HelpShort)]
     pub help: Option<bool>,
+}
+
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a whole number from 0 to {} is needed", u64::MAX))
+}
+
+/// A count that cannot be zero; the standard library's own words are for programmers.
+fn at_least_one<T: FromStr>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|_| "a whole number of at least 1 is needed".to_owned())
 }
 
 /// How much is said; each level includes those before it.
@@ -197,6 +210,7 @@ pub struct Simulate {
     pub scenario: String,
     /// Independent repetitions
     #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: NonZeroU32,
 }
 
@@ -223,10 +237,10 @@ pub struct Compare {
     #[arg(long, value_name = "NAME", num_args = 1..)]
     pub metric: Vec<String>,
     /// Distance from which on an estimate and a true object do not belong together, m (GOSPA, OSPA)
-    #[arg(long, value_name = "METRES", default_value = "100")]
+    #[arg(long, value_name = "METRES", default_value = "100", allow_negative_numbers = true)]
     pub cutoff_m: f64,
     /// Longest gap between two points of a trajectory that is bridged by a straight line, s
-    #[arg(long, value_name = "SECONDS", default_value = "10")]
+    #[arg(long, value_name = "SECONDS", default_value = "10", allow_negative_numbers = true)]
     pub max_gap_s: f64,
 }
 

@@ -19,6 +19,11 @@ impl Console {
         Console { level: if options.quiet { Level::Error } else { options.log }, json: options.json }
     }
 
+    /// The console before any option is understood: errors only.
+    pub fn early(json: bool) -> Console {
+        Console { level: Level::Error, json }
+    }
+
     /// Whether results are one JSON document.
     pub fn json(&self) -> bool {
         self.json

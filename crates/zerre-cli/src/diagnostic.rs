@@ -80,6 +80,16 @@ impl Diagnostic {
         Diagnostic { usage: true, ..Diagnostic::new(what) }
     }
 
+    /// The complaint of the parser of arguments: a paragraph on what is wrong, then paragraphs that help.
+    pub fn misused(text: &str) -> Diagnostic {
+        let mut paragraphs = text.trim().split("\n\n").map(|paragraph| {
+            paragraph.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+        });
+        let what = paragraphs.next().unwrap_or_default();
+        let what = what.strip_prefix("error: ").unwrap_or(&what);
+        paragraphs.fold(Diagnostic::usage(what), Diagnostic::help)
+    }
+
     /// A refusal by the system: "cannot read flights.csv: no such file or directory". `action` is the verb.
     pub fn io(action: &str, path: &Path, error: &std::io::Error) -> Diagnostic {
         let text = error.to_string();
@@ -137,17 +147,50 @@ pub fn known_name(kind: &str, name: &str, known: &[&str]) -> Result<(), Diagnost
     Err(suggest(diagnostic, name, known))
 }
 
-/// Adds "did you mean" where a known name is near, and what there is.
+/// Adds "did you mean" where known names are near, and what there is.
 pub fn suggest(diagnostic: Diagnostic, name: &str, known: &[&str]) -> Diagnostic {
-    // One edit for every three letters: "sytematic" finds "systematic", "abc" does not find "imm".
-    let near = |other: &&str| strsim::damerau_levenshtein(name, other) <= 1.max(name.chars().count() / 3);
-    let nearest =
-        known.iter().filter(|other| near(other)).min_by_key(|other| strsim::damerau_levenshtein(name, other));
-    let diagnostic = match nearest {
-        Some(nearest) => diagnostic.help(format!("did you mean `{nearest}`?")),
+    let quoted: Vec<_> = likely(name, known).iter().map(|name| format!("`{name}`")).collect();
+    let diagnostic = match quoted.split_last() {
         None => diagnostic,
+        Some((only, [])) => diagnostic.help(format!("did you mean {only}?")),
+        Some((last, others)) => diagnostic.help(format!("did you mean {} or {last}?", others.join(", "))),
     };
-    if known.is_empty() { diagnostic } else { diagnostic.help(format!("known: {}", known.join(", "))) }
+    /// More names are for `zerre catalog` or the recording itself to tell.
+    const SHOWN: usize = 24;
+    let more = if known.len() > SHOWN { ", ..." } else { "" };
+    match &known[..known.len().min(SHOWN)] {
+        [] => diagnostic,
+        shown => diagnostic.help(format!("known: {}{more}", shown.join(", "))),
+    }
+}
+
+/// The known names that `name` may stand for: the one that a slip of the keyboard turns into it, else those that
+/// begin with it or are its beginning, else those that hold it or are held by it. Case is no difference.
+fn likely<'a>(name: &str, known: &[&'a str]) -> Vec<&'a str> {
+    /// More than so many are a list, not a guess.
+    const MOST: usize = 4;
+    /// So short a part is in everything.
+    const LEAST: usize = 3;
+    let name = name.to_lowercase();
+    // One edit for every three letters: "sytematic" finds "systematic", "abc" does not find "imm".
+    let allowed = 1.max(name.chars().count() / 3);
+    let distance = |other: &str| strsim::damerau_levenshtein(&name, &other.to_lowercase());
+    let slip = known.iter().copied().min_by_key(|other| distance(other));
+    if let Some(other) = slip.filter(|other| distance(other) <= allowed) {
+        return vec![other];
+    }
+    let matching = |holds: &dyn Fn(&str, &str) -> bool| -> Vec<&'a str> {
+        let other_way = |a: &str, b: &str| b.len() >= LEAST && holds(a, b);
+        let either = |other: &&str| {
+            let other = other.to_lowercase();
+            other_way(&other, &name) || other_way(&name, &other)
+        };
+        known.iter().copied().filter(either).collect()
+    };
+    let beginnings = matching(&|whole, part| whole.starts_with(part));
+    let found =
+        if beginnings.is_empty() { matching(&|whole, part| whole.contains(part)) } else { beginnings };
+    if found.len() > MOST { Vec::new() } else { found }
 }
 
 #[cfg(test)]
@@ -189,6 +232,44 @@ mod tests {
             "{text}"
         );
         assert_eq!(known_name("resampling", "imm", &known), Ok(()));
+    }
+
+    #[test]
+    fn parts_of_names_find_the_whole() {
+        let motions = ["random-walk", "coordinated-turn", "manoeuvre-turn", "wiener-turn", "singer"];
+        let filters = ["kalman", "ekf", "ukf", "particle", "sir", "sis"];
+        for (name, known, expected) in [
+            ("radar", ["radar-cv", "turn", "bearings-only"].as_slice(), ["radar-cv"].as_slice()),
+            ("turn", &motions, &motions[1..4]),
+            ("Singer", &motions, &["singer"]),
+            ("SINGER-MODEL", &motions, &["singer"]),
+            ("particle-filter", &filters, &["particle"]),
+            // A slip is likelier than a part.
+            ("ekff", &filters, &["ekf"]),
+            ("walk", &motions, &["random-walk"]),
+            ("", &motions, &[]),
+            ("k", &filters, &[]),
+            ("abc", &filters, &[]),
+            // What would name everything names nothing.
+            ("abc", &["abc-1", "abc-2", "abc-3", "abc-4", "abc-5"], &[]),
+        ] {
+            assert_eq!(likely(name, known), expected, "{name}");
+        }
+        let text = known_name("motion", "turn", &motions).unwrap_err().to_string();
+        assert!(
+            text.contains("did you mean `coordinated-turn`, `manoeuvre-turn` or `wiener-turn`?"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn what_the_parser_says_becomes_an_error_with_help() {
+        let text =
+            "error: the following were not provided:\n  <INPUT>...\n\n  tip: so\n\nUsage: zerre track\n";
+        let value = serde_json::to_value(Diagnostic::misused(text)).unwrap();
+        assert_eq!(value["error"], "the following were not provided: <INPUT>...");
+        assert_eq!(value["help"], serde_json::json!(["tip: so", "Usage: zerre track"]));
+        assert_eq!(Diagnostic::misused(text).exit_code(), Exit::Usage);
     }
 
     #[test]

@@ -15,6 +15,7 @@ pub mod run;
 use args::Args;
 use clap::Parser;
 use console::Console;
+use diagnostic::Diagnostic;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -25,11 +26,7 @@ pub fn main() -> ExitCode {
     }));
     let args = match Args::try_parse() {
         Ok(args) => args,
-        Err(error) => {
-            // `print` puts help on stdout and misuse on stderr; a closed pipe is not worth a word.
-            let _ = error.print();
-            return ExitCode::from(u8::from(error.use_stderr()) * 2);
-        }
+        Err(error) => return not_run(&error).into(),
     };
     let console = Console::new(&args.global);
     match command::execute(&args, &console) {
@@ -39,6 +36,29 @@ pub fn main() -> ExitCode {
             diagnostic.exit_code().into()
         }
     }
+}
+
+/// What the parser of arguments has instead of arguments: help, the version, or a complaint.
+fn not_run(answer: &clap::Error) -> Exit {
+    let text = answer.render().to_string();
+    // Behind `--` everything is a name.
+    let json = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "--json");
+    let console = Console::early(json);
+    if !answer.use_stderr() {
+        return match console.result(&text) {
+            Ok(_) => Exit::Done,
+            Err(diagnostic) => {
+                console.fail(&diagnostic);
+                diagnostic.exit_code()
+            }
+        };
+    }
+    // Nobody is left to tell when stderr is gone.
+    let _ = std::io::stderr().write_all(text.as_bytes());
+    if json {
+        let _ = console.document(&Diagnostic::misused(&text));
+    }
+    Exit::Usage
 }
 
 /// What a panic says: whose fault it is and what a report should hold. The process then ends with Rust's own 101.

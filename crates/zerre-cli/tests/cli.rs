@@ -50,6 +50,14 @@ fn wrong_usage_ends_with_two_and_a_way_out() {
         ("schema trak", "did you mean `track`?"),
         ("init study", "there is no kind of configuration `study`"),
         ("catalog --resume", "--resume"),
+        ("track a.csv --seed -1", "'-1' for '--seed <N>': a whole number from 0 to 18446744073709551615"),
+        ("bench --threads 0", "'0' for '--threads <N>': a whole number of at least 1"),
+        ("bench --threads -3", "'-3' for '--threads <N>': a whole number of at least 1"),
+        ("simulate turn --runs -5", "'-5' for '--runs <N>': a whole number of at least 1"),
+        ("compare a b --max-gap-s -5", "--max-gap-s is -5; a number above zero"),
+        ("track a.csv --filter particl", "did you mean `particle`?"),
+        ("track a.csv --motion turn", "did you mean `coordinated-turn`, `manoeuvre-turn`, "),
+        ("simulate radar", "did you mean `radar-cv`?"),
     ] {
         let output = zerre(line);
         assert_eq!(output.status.code(), Some(2), "{line}");
@@ -74,10 +82,22 @@ fn json_is_one_document_on_standard_output_also_for_errors() {
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap();
         assert!(output.stderr.is_empty(), "{line}");
     }
-    let failed = zerre("--json schema trak");
-    let document: serde_json::Value = serde_json::from_slice(&failed.stdout).unwrap();
-    assert_eq!(document["error"], "there is no kind of configuration `trak`");
-    assert_eq!(failed.status.code(), Some(2));
+    for (line, error) in [
+        ("--json schema trak", "there is no kind of configuration `trak`"),
+        ("track a.csv --json --bogus", "unexpected argument '--bogus' found"),
+        ("track --json", "the following required arguments were not provided: <INPUT>..."),
+        ("--json trak", "unrecognized subcommand 'trak'"),
+        ("--json", "'zerre' requires a subcommand"),
+    ] {
+        let failed = zerre(line);
+        let document: serde_json::Value = serde_json::from_slice(&failed.stdout).unwrap();
+        assert!(document["error"].as_str().unwrap().starts_with(error), "{line}: {document}");
+        assert!(!document["help"].as_array().unwrap().is_empty(), "{line}: {document}");
+        assert!(text(&failed.stderr).starts_with("error: "), "{line}");
+        assert_eq!(failed.status.code(), Some(2), "{line}");
+    }
+    // Behind `--` it is the name of a file.
+    assert!(zerre("track --bogus -- --json").stdout.is_empty());
 }
 
 #[test]
@@ -143,9 +163,11 @@ fn a_reader_who_leaves_early_is_no_error() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error() {
-    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_zerre"));
-    let output = command.arg("catalog").stdout(full).stderr(Stdio::piped()).output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("cannot write to standard output"));
+    for line in ["catalog", "--help", "track --help", "--version"] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_zerre"));
+        let output = command.args(line.split(' ')).stdout(full).stderr(Stdio::piped()).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{line}");
+        assert!(text(&output.stderr).contains("cannot write to standard output"), "{line}");
+    }
 }

@@ -119,6 +119,17 @@ fn names_that_do_not_exist_are_wrong_usage_with_a_way_out() {
 }
 
 #[test]
+fn numbers_on_one_axis_are_not_taken_for_heights() {
+    let here = folder("growth");
+    let made = zerre(&here, "simulate growth --out made");
+    assert!(text(&made.stderr).contains("`zerre track` has no sensor for them"), "{}", text(&made.stderr));
+    let refused = zerre(&here, "track made/measurements.csv");
+    assert_eq!(refused.status.code(), Some(1));
+    let said = text(&refused.stderr);
+    assert!(said.contains("no column gives a measurement") && !said.contains("z_m"), "{said}");
+}
+
+#[test]
 fn scores_by_id_are_those_worked_out_by_hand() {
     let here = folder("by_id");
     // Target a: errors (3, 4) and (0, 0), the second against truth halfway between 2 s and 4 s; b is without truth.

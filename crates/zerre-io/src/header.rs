@@ -230,8 +230,10 @@ fn found(header: &[String], role: Option<Role>) -> String {
     if header.len() == 1 && header[0].contains([';', '\t']) {
         return text + "; separate the columns by commas";
     }
-    let near =
-        |h: &String| columns::did_you_mean(h).filter(|n| Column::find(n).map(|c| c.quantity.role()) == role);
+    // A height is no measurement by itself, so it is not what is missing.
+    let near = |h: &String| {
+        columns::did_you_mean(h).filter(|n| *n != "z_m" && Column::find(n).map(|c| c.quantity.role()) == role)
+    };
     if let Some((name, target)) = header.iter().find_map(|h| near(h).map(|n| (h, n))) {
         text += &format!("; does {:?} mean {target}?", shorten(name));
     }

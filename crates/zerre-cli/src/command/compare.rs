@@ -61,7 +61,8 @@ pub(super) fn run(args: &Compare, options: &Global, console: &Console) -> Result
     let config = json!({
         "metric": args.metric, "cutoff_m": args.cutoff_m, "order": ORDER, "max_gap_s": args.max_gap_s,
     });
-    let destination = Destination::of(options, COMMAND, Some(&args.estimates));
+    let destination = Destination::of(options, COMMAND, Some(&args.estimates))
+        .reading([args.estimates.as_path(), args.truth.as_path()]);
     let folder = Folder::open(&destination, COMMAND)?;
     let mut record = Record::new(COMMAND, options.seed, config);
     record.input = vec![of_estimates, of_truth];

@@ -24,7 +24,9 @@ pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Resul
         console.info(&pretty(&config)?);
     }
     listen()?;
-    let destination = Destination::of(options, COMMAND, Some(Path::new(&args.scenario)));
+    let name = Path::new(&args.scenario);
+    let destination = Destination::of(options, COMMAND, Some(name))
+        .reading(scenario::find(&args.scenario).is_none().then_some(name));
     let mut folder = Folder::open(&destination, COMMAND)?;
     let mut record = Record::new(COMMAND, options.seed, config);
     let mut progress = Progress::new(console, "runs", Some(u64::from(runs)));
@@ -63,6 +65,11 @@ pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Resul
         "{made} run{s}: {measured} measurements of {points} true states in {}",
         path.display()
     ));
+    if !scenario.trackable() {
+        console.info(
+            "they are numbers on one axis, for filters of the library: `zerre track` has no sensor for them",
+        );
+    }
     Ok(Exit::Done)
 }
 

@@ -123,13 +123,27 @@ impl Effective {
             return Ok(());
         }
         let by_flag = self.flags.iter().any(|(given, _)| given == path);
-        let diagnostic = Diagnostic::new(format!("there is no {what} `{name}`"));
+        let text = format!("there is no {what} `{name}`");
+        // A wrong option is wrong usage; a wrong file is a file like any other that cannot be used.
         let diagnostic =
-            match self.source.as_ref().filter(|_| !by_flag).and_then(|source| source.locate(path)) {
-                Some(place) => diagnostic.at(place),
-                None => diagnostic,
-            };
+            if by_flag { Diagnostic::usage(text) } else { self.at_value(path, Diagnostic::new(text)) };
         Err(suggest(diagnostic, name, &known).help(format!("`zerre catalog {kind}` says what each is")))
+    }
+
+    /// Points the complaint at the value of a key, where a file gives it.
+    pub fn at_value(&self, path: &[&str], diagnostic: Diagnostic) -> Diagnostic {
+        match self.source.as_ref().and_then(|source| source.locate(path)) {
+            Some(place) => diagnostic.at(place),
+            None => diagnostic,
+        }
+    }
+
+    /// Points the complaint at a key itself, where a file gives it.
+    pub fn at_key(&self, path: &[&str], diagnostic: Diagnostic) -> Diagnostic {
+        match self.source.as_ref().and_then(|source| source.locate_key(path)) {
+            Some(place) => diagnostic.at(place),
+            None => diagnostic,
+        }
     }
 
     fn given(&self, path: &[&str]) -> Reason {
@@ -190,6 +204,7 @@ impl fmt::Display for Effective {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Exit;
 
     #[test]
     fn every_value_carries_its_reason() {
@@ -235,14 +250,15 @@ mod tests {
         let catalog = [Entry { kind: "filters", name: "particle", about: "", source: "" }];
         let mut effective = Effective::new(Some(Source::new("f.toml", "\nfilter = \"partcle\"\n")));
         let check = |effective: &Effective| {
-            effective
-                .check_name(&["filter", "name"], "filter", "partcle", &catalog, "filters")
-                .unwrap_err()
-                .to_string()
+            effective.check_name(&["filter", "name"], "filter", "partcle", &catalog, "filters").unwrap_err()
         };
-        let text = check(&effective);
+        let refused = check(&effective);
+        let text = refused.to_string();
         assert!(text.contains("f.toml:2:10") && text.contains("did you mean `particle`?"), "{text}");
+        assert_eq!(refused.exit_code(), Exit::CouldNot);
         effective.from_flag(&["filter", "name"], "--filter");
-        assert!(!check(&effective).contains("f.toml"));
+        let refused = check(&effective);
+        assert!(!refused.to_string().contains("f.toml"));
+        assert_eq!(refused.exit_code(), Exit::Usage);
     }
 }

@@ -108,18 +108,29 @@ impl Source {
         Some(Place::new(&self.name, &self.text, value.span()))
     }
 
+    /// Where a key itself stands: for complaints about its being there, not about its value.
+    pub fn locate_key<S: AsRef<str>>(&self, path: &[S]) -> Option<Place> {
+        let document = DeTable::parse(&self.text).ok()?;
+        let (last, above) = path.split_last()?;
+        let (key, _) = table_at(document.get_ref(), above)?.get_key_value(last.as_ref())?;
+        Some(Place::new(&self.name, &self.text, key.span()))
+    }
+
     /// Where the value of a key stands, if the file gives it.
     pub fn line<S: AsRef<str>>(&self, path: &[S]) -> Option<usize> {
         let document = DeTable::parse(&self.text).ok()?;
         let (last, above) = path.split_last()?;
-        let table = above.iter().try_fold(document.get_ref(), |table, key| {
-            match table.get(key.as_ref())?.get_ref() {
-                DeValue::Table(inner) => Some(inner),
-                _ => None,
-            }
-        })?;
-        Some(Place::new(&self.name, &self.text, table.get(last.as_ref())?.span()).line)
+        let value = table_at(document.get_ref(), above)?.get(last.as_ref())?;
+        Some(Place::new(&self.name, &self.text, value.span()).line)
     }
+}
+
+/// The table that these keys lead to.
+fn table_at<'t, 'i, S: AsRef<str>>(top: &'t DeTable<'i>, path: &[S]) -> Option<&'t DeTable<'i>> {
+    path.iter().try_fold(top, |table, key| match table.get(key.as_ref())?.get_ref() {
+        DeValue::Table(inner) => Some(inner),
+        _ => None,
+    })
 }
 
 /// A path as TOML writes it: `sensor."north tower".range_sd_m`.
@@ -170,6 +181,11 @@ mod tests {
         assert_eq!(source.line(&["b", "absent"]), None);
         assert_eq!(source.locate(&["b", "absent"]).unwrap().line, 2);
         assert_eq!(source.locate(&["absent"]), None);
+        let key = |path: &[&str]| source.locate_key(path).map(|at| (at.line, at.column, at.width));
+        assert_eq!(key(&["b", "c"]), Some((3, 1, 1)));
+        assert_eq!(key(&["b", "x y"]), Some((5, 4, 5)));
+        assert_eq!(key(&["b", "d", "e"]), Some((4, 7, 1)));
+        assert_eq!(key(&["b", "absent"]), None);
         let list = Source::new("f", "[[a]]\nx = 1\n[[a]]\nx = [2,\n3]\n");
         assert_eq!(list.locate(&["a", "1", "x", "1"]).unwrap().line, 5);
         assert_eq!(list.locate(&["a", "1", "absent"]).unwrap().line, 3);

@@ -23,6 +23,8 @@ pub struct Destination {
     /// Whether the user named it.
     explicit: bool,
     force: bool,
+    /// Files that the run reads.
+    inputs: Vec<PathBuf>,
 }
 
 impl Destination {
@@ -40,7 +42,27 @@ impl Destination {
                 Path::new("out").join(format!("{command}-{name}"))
             }
         });
-        Destination { path, explicit: options.out.is_some(), force: options.force }
+        Destination { path, explicit: options.out.is_some(), force: options.force, inputs: Vec::new() }
+    }
+
+    /// Names files that the run reads: a folder that holds one of them is refused, with `--force` too, because
+    /// outputs and the clearing away of an earlier run's files would destroy it.
+    #[must_use]
+    pub fn reading<'a>(mut self, inputs: impl IntoIterator<Item = &'a Path>) -> Destination {
+        self.inputs.extend(inputs.into_iter().map(Path::to_owned));
+        self
+    }
+
+    /// The input that lies in the folder, itself or by a link.
+    fn endangered(&self) -> Option<&Path> {
+        let folder = self.path.canonicalize().ok()?;
+        let inside = |input: &Path| {
+            // "a.csv" has the parent "", which has no canonical form.
+            let named = std::path::absolute(input).ok().and_then(|path| path.parent()?.canonicalize().ok());
+            let real = input.canonicalize().ok();
+            named.as_ref() == Some(&folder) || real.as_deref().and_then(Path::parent) == Some(&folder)
+        };
+        self.inputs.iter().map(PathBuf::as_path).filter(|input| input.is_file()).find(|input| inside(input))
     }
 }
 
@@ -74,10 +96,17 @@ impl Folder {
     ///
     /// # Errors
     /// A folder that is not empty: named with `--out` and without `--force`, or the default one without a
-    /// `run.json` of ours. A folder that another run is writing to. A system that refuses.
+    /// `run.json` of ours. A folder with an input of this run in it, one that another run is writing to. A system
+    /// that refuses.
     pub fn open(place: &Destination, command: &str) -> Result<Folder, Diagnostic> {
         let path = &place.path;
         fs::create_dir_all(path).map_err(|error| Diagnostic::io("make the folder", path, &error))?;
+        if let Some(input) = place.endangered() {
+            let what = format!("the folder {} holds the input {}", path.display(), input.display());
+            return Err(
+                Diagnostic::new(what).help("outputs could replace it: name another folder with --out")
+            );
+        }
         let lock = lock(path)?;
         let mut entries =
             fs::read_dir(path).map_err(|error| Diagnostic::io("read the folder", path, &error))?;
@@ -271,7 +300,7 @@ mod tests {
     }
 
     fn place(path: &Path, explicit: bool, force: bool) -> Destination {
-        Destination { path: path.to_owned(), explicit, force }
+        Destination { path: path.to_owned(), explicit, force, inputs: Vec::new() }
     }
 
     fn run(place: &Destination, files: &[&str]) -> Result<PathBuf, Diagnostic> {
@@ -365,6 +394,38 @@ mod tests {
             assert!(open.write(name, |_| std::io::Result::Ok(())).is_err(), "{name}");
         }
         drop(open);
+        fs::remove_dir_all(&path).unwrap();
+    }
+
+    #[test]
+    fn a_folder_with_an_input_is_refused_whatever_is_said() {
+        let path = fresh("inputs");
+        fs::create_dir_all(path.join("out/deeper")).unwrap();
+        for file in ["outside", "out/inside", "out/deeper/below"] {
+            fs::write(path.join(file), "mine").unwrap();
+        }
+        let open = |input: &Path| {
+            let place = place(&path.join("out"), true, true).reading([Path::new("absent"), input]);
+            Folder::open(&place, "track").map(|_| ()).map_err(|error| error.to_string())
+        };
+        let mut inside = vec!["out/inside", "out/../out/inside", "out/deeper/../inside"];
+        let mut elsewhere = vec!["outside", "out/deeper/below", "out", "-"];
+        #[cfg(unix)]
+        {
+            // A link out of the folder would be replaced, one into it leads to what would be.
+            std::os::unix::fs::symlink(path.join("outside"), path.join("out/link-out")).unwrap();
+            std::os::unix::fs::symlink(path.join("out/inside"), path.join("link-in")).unwrap();
+            std::os::unix::fs::symlink(path.join("outside"), path.join("link")).unwrap();
+            inside.extend(["out/link-out", "link-in"]);
+            elsewhere.push("link");
+        }
+        for input in inside {
+            let text = open(&path.join(input)).unwrap_err();
+            assert!(text.contains("holds the input") && text.contains("--out"), "{input}: {text}");
+        }
+        for input in elsewhere {
+            assert_eq!(open(&path.join(input)), Ok(()), "{input}");
+        }
         fs::remove_dir_all(&path).unwrap();
     }
 

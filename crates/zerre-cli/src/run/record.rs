@@ -102,6 +102,17 @@ pub struct Counts {
     pub left_out: BTreeMap<String, u64>,
 }
 
+impl Counts {
+    /// Says that the run stopped after `used` of the rows that were to be used.
+    pub fn stop_at(&mut self, used: u64) {
+        let rest = self.used.saturating_sub(used);
+        if rest > 0 {
+            self.left_out.insert("not reached".to_owned(), rest);
+        }
+        self.used -= rest;
+    }
+}
+
 /// How often something happened, and what was done about it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct OutcomeCount {
@@ -218,6 +229,15 @@ mod tests {
         for other in [digest("study", 1, 0.5), digest("track", 2, 0.5), digest("track", 1, 0.25)] {
             assert_ne!(one, other);
         }
+    }
+
+    #[test]
+    fn rows_behind_the_stop_are_left_out_not_used() {
+        let mut counts = Counts { read: 12, used: 10, ..Counts::default() };
+        counts.stop_at(10);
+        assert_eq!((counts.used, counts.left_out.len()), (10, 0));
+        counts.stop_at(4);
+        assert_eq!((counts.read, counts.used, counts.left_out["not reached"]), (12, 4, 6));
     }
 
     #[test]

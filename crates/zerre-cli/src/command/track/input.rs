@@ -26,12 +26,14 @@ pub(super) struct Input {
 
 /// A refusal of a reader.
 pub(super) fn refused(error: &zerre_io::Error) -> Diagnostic {
-    use zerre_io::Error::{Empty, FormatMismatch, NoTime, TooManyRejected};
+    use zerre_io::Error::{Empty, FormatMismatch, NoMeasurement, NoTime, TooManyRejected};
     let diagnostic = Diagnostic::new(error.to_string());
     match error {
         TooManyRejected { .. } => diagnostic.help("mend the rows, or raise max_rejected under [input]"),
         FormatMismatch { .. } => diagnostic.help("leave --format out: the format is told from the header"),
-        NoTime { .. } | Empty { .. } => diagnostic.help("`zerre track --help` shows what a table looks like"),
+        NoTime { .. } | NoMeasurement { .. } | Empty { .. } => {
+            diagnostic.help("`zerre track --help` shows what a table looks like")
+        }
         _ => diagnostic,
     }
 }
@@ -52,7 +54,8 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
     for path in &call.args.inputs {
         let bytes = whole(path)?;
         let name = path.display().to_string();
-        let recording = parse(&name, &bytes.0, &mut options)?;
+        let recording =
+            parse(&name, &bytes.0, &mut options).map_err(|error| settings.refused_by_reader(&error))?;
         if recording.plots.is_empty() {
             let text = format!("{name}: no row holds a measurement");
             return Err(Diagnostic::new(text).help("`zerre track --help` shows what a table looks like"));
@@ -132,10 +135,8 @@ fn whole(path: &Path) -> Result<(Vec<u8>, File), Diagnostic> {
 }
 
 /// Reads the table; heights count where elevations are measured, because a slant range needs them.
-fn parse(name: &str, bytes: &[u8], options: &mut Options) -> Result<Recording, Diagnostic> {
-    let read = |options: &Options| {
-        Recording::read(name, BufReader::new(bytes), options).map_err(|error| refused(&error))
-    };
+fn parse(name: &str, bytes: &[u8], options: &mut Options) -> Result<Recording, zerre_io::Error> {
+    let read = |options: &Options| Recording::read(name, BufReader::new(bytes), options);
     let recording = read(options)?;
     let in_space = |plot: &Plot| matches!(plot.reading, Reading::RangeBearingElevation(_));
     if options.three_d || !recording.plots.iter().any(in_space) {

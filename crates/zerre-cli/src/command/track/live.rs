@@ -4,10 +4,11 @@ use super::input::{refused, unidentified};
 use super::outcome::{component, track_row};
 use super::settings::{Settings, refused as refused_by_model};
 use super::work::Workers;
-use super::{Call, Destination, Folder, Record, State};
+use super::{Call, Folder, Record, State};
 use crate::Exit;
 use crate::diagnostic::Diagnostic;
 use crate::run::{EstimatesDigest, Hashing, interrupted, listen};
+use std::collections::BTreeSet;
 use std::io::{BufReader, ErrorKind};
 use zerre::track::{Event, Plot, Reading};
 use zerre_io::{TableReader, TrackCsv};
@@ -16,14 +17,15 @@ use zerre_io::{TableReader, TrackCsv};
 const LEARNT_FROM: usize = 200;
 
 pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) -> Result<Exit, Diagnostic> {
-    let place = Destination::of(call.global, "track", call.args.inputs.first().map(|path| path.as_path()));
-    let folder = Folder::open(&place, "track")?;
+    let folder = Folder::open(&call.destination(), "track")?;
     listen()?;
     let mut hashing = Hashing::new(std::io::stdin().lock());
     let mut reader = TableReader::new("standard input", BufReader::new(&mut hashing), &settings.options)
-        .map_err(|error| refused(&error))?;
+        .map_err(|error| settings.refused_by_reader(&error))?;
     let next = |reader: &mut TableReader<_>| -> Result<Option<Plot>, Diagnostic> {
-        let Some(plot) = reader.next().transpose().map_err(|error| refused(&error))? else { return Ok(None) };
+        let Some(plot) = reader.next().transpose().map_err(|error| refused(&error))? else {
+            return Ok(None);
+        };
         match plot.id {
             _ if call.args.single => Ok(Some(Plot { id: None, ..plot })),
             None => Err(unidentified("standard input", plot.line)),
@@ -63,7 +65,8 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
         Ok(out) => Some(out),
         Err(error) => return Err(Diagnostic::new(format!("cannot write to standard output: {error}"))),
     };
-    let (mut rows, mut degraded) = (0_u64, false);
+    let (mut rows, mut rows_read, mut line, mut degraded) = (0_u64, 0_u64, 0, false);
+    let mut sensors = BTreeSet::new();
     let mut waiting = waiting.into_iter();
     while !interrupted() && out.is_some() {
         let plot = match waiting.next() {
@@ -73,30 +76,39 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
                 None => break,
             },
         };
+        if let Some(name) = plot.sensor.as_deref().filter(|name| !sensors.contains(*name)) {
+            sensors.insert(name.to_owned());
+        }
         let row = tracker
             .push(&plot)
             .map_err(|error| failed(&error).help(format!("it was line {} of standard input", plot.line)))?;
-        rows += 1;
         degraded |= matches!(row.event, Event::Degenerate | Event::Restarted);
         if !matches!(row.event, Event::Started | Event::Updated) {
             record.outcomes_of(row.event.name(), "see outcome in the rows", 1);
         }
-        let Some(row) = track_row(&row) else { continue };
-        digest.push(&row.mean);
-        if let Some(stdout) = &mut out {
+        if let (Some(row), Some(stdout)) = (track_row(&row), &mut out) {
             match stdout.write(&row) {
-                Ok(()) => {}
-                // The reader of the rows has had enough, which is its right.
+                Ok(()) => digest.push(&row.mean),
+                // The reader of the rows has had enough, which is its right; this row did not reach it.
                 Err(zerre_io::Error::Write { source, .. }) if source.kind() == ErrorKind::BrokenPipe => {
                     out = None;
+                    continue;
                 }
                 Err(error) => return Err(Diagnostic::new(error.to_string())),
             }
         }
+        rows += 1;
+        // The readings of a row follow each other.
+        rows_read += u64::from(plot.line != line);
+        line = plot.line;
     }
     let counts = reader.counts().clone();
     if out.is_some() && !interrupted() {
-        reader.finish().map_err(|error| refused(&error))?;
+        reader.finish().map_err(|error| settings.refused_by_reader(&error))?;
+        for name in settings.idle_sensors(&sensors) {
+            call.console.warn(format_args!("sensor.{name}: no measurement was of a sensor of this name"));
+            record.outcome("sensor-without-measurements", "its settings had no effect");
+        }
     } else {
         drop(reader);
         record.state = State::Interrupted;
@@ -106,6 +118,9 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
     record.counts.missing = counts.missing;
     record.counts.rejected = counts.rejected.into_iter().map(|(why, n)| (why.to_owned(), n)).collect();
     record.counts.left_out = counts.left_out.into_iter().map(|(why, n)| (why.to_owned(), n)).collect();
+    if record.state == State::Interrupted {
+        record.counts.stop_at(rows_read);
+    }
     record.input = vec![hashing.so_far("-")];
     record.estimates_digest = Some(digest.finish());
     record.seconds = call.since.elapsed().as_secs_f64();

@@ -27,6 +27,14 @@ struct Call<'a> {
     since: Instant,
 }
 
+impl Call<'_> {
+    fn destination(&self) -> Destination {
+        let inputs = self.args.inputs.iter().map(|input| input.as_path());
+        let others = [&self.args.config, &self.args.truth].into_iter().flatten().map(|file| file.as_path());
+        Destination::of(self.global, "track", inputs.clone().next()).reading(inputs.chain(others))
+    }
+}
+
 pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Exit, Diagnostic> {
     let call = Call { args, global, console, since: Instant::now() };
     let source = args.config.as_deref().map(Source::read).transpose()?;
@@ -52,10 +60,11 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     }
 
     // The folder first: a wrong --out is told before the work, not after it.
-    let place = Destination::of(global, "track", args.inputs.first().map(|input| input.as_path()));
+    let place = call.destination();
     let mut folder = Folder::open(&place, "track")?;
     listen()?;
     let input = input::read(&call, &settings)?;
+    settings.check_sensors(&input.plots)?;
     settings.settle(&input.plots, input.has_height, console)?;
     let mut run = work::follow(&settings.spec(global.seed), &input.plots, &workers, console)?;
     run.check_started(&input)?;
@@ -79,6 +88,9 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     record.state = if interrupted() { State::Interrupted } else { State::Complete };
     record.input = input.files.clone();
     record.counts = input.counts.clone();
+    if interrupted() {
+        record.counts.stop_at(run.rows_followed(&input.plots));
+    }
     outcome.record(&mut record);
     let table = outcome.table(&run)?;
     record.estimates_digest = Some(outcome.digest(&table));

@@ -101,9 +101,9 @@ pub(super) fn pages(
             .collect(),
         sensors: sensors(settings, input, outcome),
         counts: Counts {
-            read: input.counts.read,
-            used: input.counts.used,
-            missing: input.counts.missing,
+            read: record.counts.read,
+            used: record.counts.used,
+            missing: record.counts.missing,
             rejected: rejected(input),
         },
         scores: scores

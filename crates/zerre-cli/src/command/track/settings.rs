@@ -3,10 +3,10 @@
 use super::work::{Reference, has_particles};
 use crate::args::Track;
 use crate::config::{
-    Effective, Estimate, Generator, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
+    Effective, Estimate, Generator, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
 };
 use crate::console::Console;
-use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Diagnostic, suggest};
 use std::collections::{BTreeMap, BTreeSet};
 use zerre::Span;
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
@@ -119,6 +119,47 @@ impl Settings {
         Ok(())
     }
 
+    /// The sensors of the file, `default` aside, that are none of `seen`.
+    pub fn idle_sensors(&self, seen: &BTreeSet<String>) -> Vec<&str> {
+        let names = self.config.sensor.keys().map(String::as_str);
+        names.filter(|name| *name != DEFAULT_SENSOR && !seen.contains(*name)).collect()
+    }
+
+    /// Refuses a sensor in the file that no plot is of: its settings would have no effect, and nobody would know.
+    pub fn check_sensors(&self, plots: &[Plot]) -> Result<(), Diagnostic> {
+        let seen: BTreeSet<String> =
+            plots.iter().filter_map(|plot| plot.sensor.as_deref()).map(str::to_owned).collect();
+        let Some(&name) = self.idle_sensors(&seen).first() else { return Ok(()) };
+        let text = format!("sensor.{name}: no measurement is of a sensor of this name");
+        let refusal = self.effective.at_key(&["sensor", name], Diagnostic::new(text));
+        if seen.is_empty() {
+            let help =
+                "the recording names no sensors: settings of its only one stand under [sensor.default]";
+            return Err(refusal.help(help));
+        }
+        let known: Vec<&str> = seen.iter().map(String::as_str).collect();
+        Err(suggest(refusal, name, &known).help("leave its section out if it is silent in this recording"))
+    }
+
+    /// A refusal of a reader; one of a mapping or an origin points into the configuration that gave it.
+    pub fn refused_by_reader(&self, error: &zerre_io::Error) -> Diagnostic {
+        use zerre_io::Error::{BadMapping, DuplicateColumn, NotInHeader, PolarOrigin, Unpaired};
+        let refusal = super::input::refused(error);
+        let columns = match error {
+            NotInHeader { column, .. } => {
+                return self.effective.at_key(&["input", "columns", column], refusal);
+            }
+            PolarOrigin { .. } => return self.effective.at_key(&["input", "origin"], refusal),
+            BadMapping { column, .. } | Unpaired { column, .. } => vec![column],
+            DuplicateColumn { first, second, .. } => vec![second, first],
+            _ => Vec::new(),
+        };
+        match columns.into_iter().find(|column| self.options.columns.contains_key(*column)) {
+            Some(column) => self.effective.at_value(&["input", "columns", column], refusal),
+            None => refusal,
+        }
+    }
+
     /// Takes a Kalman filter in place of the particles, if nobody asked for them; whether it did.
     pub fn prefer(&mut self, reference: &Reference) -> bool {
         let asked = self.config.filter.name.as_deref().is_some_and(|name| name != AUTO);
@@ -126,8 +167,9 @@ impl Settings {
             return false;
         }
         let why = format!(
-            "{} particles lose {:.2} of log-evidence per measurement against it",
-            self.spec.filter.particles,
+            "{} lose{} {:.2} of log-evidence per measurement against it",
+            counted(self.spec.filter.particles, "particle"),
+            if self.spec.filter.particles == 1 { "s" } else { "" },
             reference.loss_per_plot()
         );
         self.spec.filter.name = reference.filter.to_owned();
@@ -141,7 +183,9 @@ impl Settings {
         let filter = &self.spec.filter;
         match &self.preferred {
             Some(why) => format!("{}: {why}", filter.name),
-            None if has_particles(&filter.name) => format!("{}, {} particles", filter.name, filter.particles),
+            None if has_particles(&filter.name) => {
+                format!("{}, {}", filter.name, counted(filter.particles, "particle"))
+            }
             None => filter.name.clone(),
         }
     }
@@ -157,8 +201,8 @@ impl Settings {
             if let Some(place) = self.effective.settle_given(&at("position"), &sensor.position) {
                 let Some(origin) = self.options.origin else {
                     let text = format!("sensor.{name}.position needs the origin of the plane");
-                    return Err(Diagnostic::new(text)
-                        .help("give `origin` under [input], or `position_m` of the sensor"));
+                    let help = "give `origin` under [input], or `position_m` of the sensor";
+                    return Err(self.effective.at_key(&at("position"), Diagnostic::new(text)).help(help));
                 };
                 let place = Geodetic::new(place.lat_deg, place.lon_deg, place.alt_m)
                     .map_err(|error| Diagnostic::new(error.to_string()))?;
@@ -303,6 +347,7 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         &given.model,
         ("constant-velocity", why),
     )?;
+    check_parameters(given, &model, effective)?;
     let at = |key| ["motion", key];
     let mut spec = MotionSpec {
         speed_sd_mps: effective.settle_given(&at("speed_sd_mps"), &given.speed_sd_mps),
@@ -347,6 +392,37 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
     Ok(spec)
 }
 
+/// Refuses a parameter of the motion that this `model` would ignore.
+fn check_parameters(given: &MotionConfig, model: &str, effective: &Effective) -> Result<(), Diagnostic> {
+    let refuse = |key: &str, what: &str, help: &str| {
+        let refusal = Diagnostic::new(format!("motion.{key}: {what}")).help(help);
+        Err(effective.at_key(&["motion", key], refusal))
+    };
+    let used = MotionConfig::used_by(model);
+    // A motion without parameters is one of a benchmark; building it says why it cannot be.
+    if let Some(key) = given.given().into_iter().find(|key| !used.is_empty() && !used.contains(key)) {
+        let motions = crate::catalog::names(&crate::catalog::all(), "motions");
+        let takers = motions.into_iter().filter(|motion| MotionConfig::used_by(motion).contains(&key));
+        let takers = takers.collect::<Vec<_>>().join(", ");
+        let what = format!("the motion `{model}` has no such parameter");
+        return refuse(key, &what, &format!("it is of {takers}; leave it out, or choose such a model"));
+    }
+    if given.a_max_mps2.is_some() && given.acceleration_sd_mps2.is_some() {
+        let what = "`acceleration_sd_mps2` is given as well; keep one of the two";
+        return refuse(
+            "a_max_mps2",
+            what,
+            "Singer's a_max_mps2, p_max and p_0 stand for acceleration_sd_mps2",
+        );
+    }
+    for (key, value) in [("p_max", given.p_max), ("p_0", given.p_0)] {
+        if value.is_some() && given.a_max_mps2.is_none() {
+            return refuse(key, "it means nothing without `a_max_mps2`", "give a_max_mps2, or leave it out");
+        }
+    }
+    Ok(())
+}
+
 fn start(config: &TrackConfig, effective: &mut Effective) -> StartSpec {
     let settled = config.start.settle(effective);
     let position = effective.settle_given(&["start", "position_m"], &config.start.position_m);
@@ -373,5 +449,39 @@ fn life(config: &TrackConfig, effective: &mut Effective) -> LifeSpec {
             Estimate::MaxWeight => Point::MaxWeight,
             Estimate::RobustMean => Point::RobustMean,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerre::catalog::MOTIONS;
+    use zerre::kernels::{Simd, Threads};
+    use zerre::track::Engine;
+
+    /// Each parameter that a motion is said to use changes its specification or is needed by it.
+    #[test]
+    fn every_motion_is_built_from_the_parameters_it_is_said_to_use() {
+        for model in MOTIONS.iter().map(|entry| entry.name).filter(|name| !name.contains("growth")) {
+            let used = MotionConfig::used_by(model);
+            assert!(!used.is_empty(), "{model}");
+            let set = |keys: &[&str]| -> Result<MotionSpec, String> {
+                let lines: String = keys.iter().map(|key| format!("{key} = 0.5\n")).collect();
+                let text = format!("[motion]\nmodel = {model:?}\n{lines}");
+                let config = TrackConfig::from_source(&Source::new("f.toml", text)).unwrap();
+                motion(&config, &mut Effective::default()).map_err(|error| error.to_string())
+            };
+            // Singer's acceleration is given in one of two ways.
+            let direct: Vec<&str> =
+                used.iter().copied().filter(|key| !["a_max_mps2", "p_max", "p_0"].contains(key)).collect();
+            let whole = set(&direct).unwrap();
+            let spec = TrackerSpec { motion: whole.clone(), ..TrackerSpec::new("ukf", model) };
+            let engine = Engine { simd: Simd::best(), threads: Threads::new(1).unwrap() };
+            assert!(spec.build(engine).is_ok(), "{model}: {whole:?}");
+            for left_out in &direct {
+                let rest: Vec<&str> = direct.iter().copied().filter(|key| key != left_out).collect();
+                assert_ne!(set(&rest), Ok(whole.clone()), "{model} does not use {left_out}");
+            }
+        }
     }
 }

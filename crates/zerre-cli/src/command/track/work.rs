@@ -6,7 +6,7 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
 use crate::run::{Progress, interrupted};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -161,6 +161,13 @@ impl Run {
              start no track"
         ))
         .help("say where targets appear: position_m and position_sd_m under [start]"))
+    }
+
+    /// How many rows of the recordings the plots that were reached are of; a row with two readings is two plots.
+    pub fn rows_followed(&self, plots: &[Plot]) -> u64 {
+        let reached = plots.iter().zip(&self.rows).filter(|(_, row)| row.is_some());
+        let rows: HashSet<_> = reached.map(|(p, _)| (p.line, p.time, &p.id, &p.sensor)).collect();
+        rows.len() as u64
     }
 
     /// Runs a Kalman filter on the same plots, where this run has particles: the exact one where the models are

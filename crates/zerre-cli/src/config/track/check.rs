@@ -2,6 +2,15 @@
 
 use super::{Geodetic, Robust, SensorConfig, TrackConfig};
 use crate::config::Problem;
+use zerre::belief::MAX_PARTICLES;
+
+/// The least standard deviation of a sensor or a start, in the unit of its key. Squares of much smaller ones vanish in
+/// sums with those of other quantities, and at last in 64-bit numbers themselves.
+pub(super) const LEAST_SD: f64 = 1e-9;
+/// The largest standard deviation, likewise: of much larger ones products of squares overflow.
+pub(super) const MOST_SD: f64 = 1e9;
+/// The largest coordinate, metres: far beyond the Moon.
+pub(super) const MOST_COORDINATE: f64 = 1e12;
 
 impl TrackConfig {
     /// Whether the values have a meaning, as far as that shows without the recording.
@@ -10,31 +19,34 @@ impl TrackConfig {
     /// The first value that has none.
     pub fn check(&self) -> Result<(), Problem> {
         let filter = |key| ["filter", key];
-        if self.filter.particles == Some(0) {
-            return Err(problem(&filter("particles"), "at least one particle is needed"));
+        if let Some(particles) = self.filter.particles
+            && !(1..=MAX_PARTICLES).contains(&(particles as usize))
+        {
+            let what = format!("{particles} is out of range; from 1 to {MAX_PARTICLES} particles can be had");
+            return Err(problem(&filter("particles"), &what));
         }
         probability(&filter("threshold"), self.filter.threshold)?;
         not_negative(&filter("roughening"), self.filter.roughening)?;
 
         let m = &self.motion;
         let motion = |key| ["motion", key];
-        not_negative(&motion("speed_sd_mps"), m.speed_sd_mps)?;
-        finite(&motion("lateral_acceleration_mps2"), m.lateral_acceleration_mps2)?;
-        not_negative(&motion("acceleration_sd_mps2"), m.acceleration_sd_mps2)?;
-        not_negative(&motion("jerk_sd_mps3"), m.jerk_sd_mps3)?;
-        finite(&motion("turn_rate_rad_s"), m.turn_rate_rad_s)?;
-        not_negative(&motion("turn_acceleration_sd_rad_s2"), m.turn_acceleration_sd_rad_s2)?;
+        noise(&motion("speed_sd_mps"), m.speed_sd_mps)?;
+        within(&motion("lateral_acceleration_mps2"), m.lateral_acceleration_mps2, MOST_SD)?;
+        noise(&motion("acceleration_sd_mps2"), m.acceleration_sd_mps2)?;
+        noise(&motion("jerk_sd_mps3"), m.jerk_sd_mps3)?;
+        within(&motion("turn_rate_rad_s"), m.turn_rate_rad_s, MOST_SD)?;
+        noise(&motion("turn_acceleration_sd_rad_s2"), m.turn_acceleration_sd_rad_s2)?;
         positive(&motion("tau_s"), m.tau_s)?;
-        positive(&motion("a_max_mps2"), m.a_max_mps2)?;
+        deviation(&motion("a_max_mps2"), m.a_max_mps2)?;
         probability(&motion("p_max"), m.p_max)?;
         probability(&motion("p_0"), m.p_0)?;
 
         probability(&["input", "max_rejected"], self.input.max_rejected)?;
         geodetic(&["input", "origin"], self.input.origin)?;
-        positive(&["start", "speed_sd_mps"], self.start.speed_sd_mps)?;
-        positive(&["start", "acceleration_sd_mps2"], self.start.acceleration_sd_mps2)?;
-        positive(&["start", "turn_rate_sd_rad_s"], self.start.turn_rate_sd_rad_s)?;
-        positive(&["start", "position_sd_m"], self.start.position_sd_m)?;
+        deviation(&["start", "speed_sd_mps"], self.start.speed_sd_mps)?;
+        deviation(&["start", "acceleration_sd_mps2"], self.start.acceleration_sd_mps2)?;
+        deviation(&["start", "turn_rate_sd_rad_s"], self.start.turn_rate_sd_rad_s)?;
+        deviation(&["start", "position_sd_m"], self.start.position_sd_m)?;
         coordinates(&["start", "position_m"], self.start.position_m.as_deref())?;
         if self.start.position_m.is_some() != self.start.position_sd_m.is_some() {
             return Err(problem(&["start"], "position_m and position_sd_m need each other"));
@@ -47,13 +59,13 @@ impl TrackConfig {
 impl SensorConfig {
     fn check(&self, name: &str) -> Result<(), Problem> {
         let at = |key| ["sensor", name, key];
-        positive(&at("position_sd_m"), self.position_sd_m)?;
-        positive(&at("range_sd_m"), self.range_sd_m)?;
-        positive(&at("bearing_sd_rad"), self.bearing_sd_rad)?;
-        positive(&at("bearing_sd_deg"), self.bearing_sd_deg)?;
-        positive(&at("elevation_sd_rad"), self.elevation_sd_rad)?;
-        positive(&at("elevation_sd_deg"), self.elevation_sd_deg)?;
-        positive(&at("range_rate_sd_mps"), self.range_rate_sd_mps)?;
+        deviation(&at("position_sd_m"), self.position_sd_m)?;
+        deviation(&at("range_sd_m"), self.range_sd_m)?;
+        deviation(&at("bearing_sd_rad"), self.bearing_sd_rad)?;
+        deviation(&at("bearing_sd_deg"), self.bearing_sd_deg)?;
+        deviation(&at("elevation_sd_rad"), self.elevation_sd_rad)?;
+        deviation(&at("elevation_sd_deg"), self.elevation_sd_deg)?;
+        deviation(&at("range_rate_sd_mps"), self.range_rate_sd_mps)?;
         either(
             &at("bearing_sd_deg"),
             "bearing_sd_rad",
@@ -75,8 +87,8 @@ impl SensorConfig {
                 range(
                     &robust("scale"),
                     Some(scale),
-                    |v| v >= 1.0,
-                    "at least 1 is needed: outliers err more than the others",
+                    |v| (1.0..=MOST_SD).contains(&v),
+                    "1 to 1e9 is needed: outliers err more than the others",
                 )
             }
         }
@@ -89,7 +101,7 @@ fn coordinates(path: &[&str], list: Option<&[f64]>) -> Result<(), Problem> {
         let what = format!("x, y or x, y, z are needed; the list holds {}", list.len());
         return Err(problem(path, &what));
     }
-    list.iter().try_for_each(|value| finite(path, Some(*value)))
+    list.iter().try_for_each(|value| within(path, Some(*value), MOST_COORDINATE))
 }
 
 fn problem(path: &[&str], what: &str) -> Problem {
@@ -99,13 +111,25 @@ fn problem(path: &[&str], what: &str) -> Problem {
 fn range(path: &[&str], value: Option<f64>, holds: impl Fn(f64) -> bool, needs: &str) -> Result<(), Problem> {
     match value {
         Some(value) if !value.is_finite() => Err(problem(path, &format!("{value} is not a finite number"))),
-        Some(value) if !holds(value) => Err(problem(path, &format!("{value} is out of range; {needs}"))),
+        Some(value) if !holds(value) => Err(problem(path, &format!("{value:?} is out of range; {needs}"))),
         _ => Ok(()),
     }
 }
 
-fn finite(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
-    range(path, value, |_| true, "")
+fn within(path: &[&str], value: Option<f64>, most: f64) -> Result<(), Problem> {
+    range(path, value, |v| v.abs() <= most, &format!("at most {most:e} either way is needed"))
+}
+
+/// A standard deviation that may not be zero.
+fn deviation(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+    let needs = format!("a number above zero, from {LEAST_SD:e} to {MOST_SD:e}, is needed");
+    range(path, value, |v| (LEAST_SD..=MOST_SD).contains(&v), &needs)
+}
+
+/// A standard deviation of a motion: zero is none.
+fn noise(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+    let needs = format!("zero or a number above it, at most {MOST_SD:e}, is needed");
+    range(path, value, |v| (0.0..=MOST_SD).contains(&v), &needs)
 }
 
 fn positive(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
@@ -133,5 +157,5 @@ fn geodetic(path: &[&str], point: Option<Geodetic>) -> Result<(), Problem> {
     let at = |key| [path, &[key]].concat();
     range(&at("lat_deg"), Some(point.lat_deg), |v| v.abs() <= 90.0, "degrees from -90 to 90 are needed")?;
     range(&at("lon_deg"), Some(point.lon_deg), |v| v.abs() <= 180.0, "degrees from -180 to 180 are needed")?;
-    finite(&at("alt_m"), Some(point.alt_m))
+    within(&at("alt_m"), Some(point.alt_m), MOST_COORDINATE)
 }

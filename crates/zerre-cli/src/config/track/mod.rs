@@ -13,7 +13,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
+use zerre::belief::MAX_PARTICLES;
 
+use check::{LEAST_SD, MOST_SD};
 pub use settings::{InputSettings, LifeSettings, ParticleSettings, StartSettings};
 
 /// What `zerre track` can be told. Units are part of the key; a noise that is absent is learnt from the recording.
@@ -47,7 +49,7 @@ pub struct FilterConfig {
     /// A name of `zerre catalog filters`, or `auto`.
     pub name: Option<String>,
     /// Number of particles.
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = MAX_PARTICLES))]
     pub particles: Option<u32>,
     /// A name of `zerre catalog resamplers`.
     pub resampling: Option<String>,
@@ -72,26 +74,26 @@ pub struct MotionConfig {
     /// A name of `zerre catalog motions`, or `auto`.
     pub model: Option<String>,
     /// Standard deviation of the velocity averaged over a second, m/s (random-walk).
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = MOST_SD))]
     pub speed_sd_mps: Option<f64>,
     /// Standard deviation of the acceleration averaged over a second, m/s².
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = MOST_SD))]
     pub acceleration_sd_mps2: Option<f64>,
     /// Standard deviation of the jerk averaged over a second, m/s³ (constant-acceleration).
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = MOST_SD))]
     pub jerk_sd_mps3: Option<f64>,
     /// A known acceleration across the velocity, to the left, m/s² (manoeuvre-turn).
     pub lateral_acceleration_mps2: Option<f64>,
     /// A known turn rate, counter-clockwise, rad/s.
     pub turn_rate_rad_s: Option<f64>,
     /// Standard deviation of the change of the turn rate, rad/s².
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = MOST_SD))]
     pub turn_acceleration_sd_rad_s2: Option<f64>,
     /// Time over which an acceleration persists, s.
     #[schemars(range(min = 0.0))]
     pub tau_s: Option<f64>,
     /// Largest acceleration, m/s².
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub a_max_mps2: Option<f64>,
     /// Probability of the largest acceleration, either way.
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -136,19 +138,19 @@ pub struct Geodetic {
 #[serde(deny_unknown_fields, default)]
 pub struct StartConfig {
     /// Of each component of the velocity, m/s.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub speed_sd_mps: Option<f64>,
     /// Of each component of the acceleration, m/s².
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub acceleration_sd_mps2: Option<f64>,
     /// Of the turn rate, rad/s.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub turn_rate_sd_rad_s: Option<f64>,
     /// Where targets are believed to appear: x, y or x, y, z, m; for bearings and ranges alone.
     #[schemars(length(min = 2, max = 3))]
     pub position_m: Option<Vec<f64>>,
     /// Standard deviation of each coordinate of it, m.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub position_sd_m: Option<f64>,
 }
 
@@ -162,31 +164,65 @@ pub struct SensorConfig {
     /// Where it stands on the earth; instead of `position_m`.
     pub position: Option<Geodetic>,
     /// Of each coordinate of a measured position, m.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub position_sd_m: Option<f64>,
     /// Of a range, m.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub range_sd_m: Option<f64>,
     /// Of a bearing or an azimuth, rad.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub bearing_sd_rad: Option<f64>,
     /// The same in degrees; instead of `bearing_sd_rad`.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub bearing_sd_deg: Option<f64>,
     /// Of an elevation, rad.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub elevation_sd_rad: Option<f64>,
     /// The same in degrees; instead of `elevation_sd_rad`.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub elevation_sd_deg: Option<f64>,
     /// Of a range rate, m/s.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub range_rate_sd_mps: Option<f64>,
     /// Probability with which a true measurement lies inside the gate; 0 or absent: no gate.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gate: Option<f64>,
     /// A law with heavier tails than the normal.
     pub robust: Option<Robust>,
+}
+
+impl MotionConfig {
+    /// The keys that hold a parameter, as the file writes them.
+    pub fn given(&self) -> Vec<&'static str> {
+        let all = [
+            ("speed_sd_mps", self.speed_sd_mps),
+            ("acceleration_sd_mps2", self.acceleration_sd_mps2),
+            ("jerk_sd_mps3", self.jerk_sd_mps3),
+            ("lateral_acceleration_mps2", self.lateral_acceleration_mps2),
+            ("turn_rate_rad_s", self.turn_rate_rad_s),
+            ("turn_acceleration_sd_rad_s2", self.turn_acceleration_sd_rad_s2),
+            ("tau_s", self.tau_s),
+            ("a_max_mps2", self.a_max_mps2),
+            ("p_max", self.p_max),
+            ("p_0", self.p_0),
+        ];
+        all.into_iter().filter(|(_, value)| value.is_some()).map(|(key, _)| key).collect()
+    }
+
+    /// The keys that a motion of this name uses; none for names that are no motion of targets.
+    pub fn used_by(model: &str) -> &'static [&'static str] {
+        match model {
+            "random-walk" => &["speed_sd_mps"],
+            "constant-velocity" | "wiener-acceleration" => &["acceleration_sd_mps2"],
+            "constant-acceleration" => &["jerk_sd_mps3"],
+            "singer" => &["acceleration_sd_mps2", "tau_s", "a_max_mps2", "p_max", "p_0"],
+            "coordinated-turn" => &["acceleration_sd_mps2", "turn_rate_rad_s"],
+            "manoeuvre-turn" => &["acceleration_sd_mps2", "lateral_acceleration_mps2"],
+            "wiener-turn" => &["acceleration_sd_mps2", "turn_acceleration_sd_rad_s2"],
+            "markov-turn" => &["acceleration_sd_mps2", "tau_s"],
+            _ => &[],
+        }
+    }
 }
 
 impl SensorConfig {
@@ -217,7 +253,7 @@ pub enum Robust {
         #[schemars(range(min = 0.0, max = 1.0))]
         share: f64,
         /// Its standard deviation, in standard deviations of the others.
-        #[schemars(range(min = 1.0))]
+        #[schemars(range(min = 1.0, max = MOST_SD))]
         scale: f64,
     },
 }
@@ -370,12 +406,16 @@ mod tests {
         let cases = [
             ("filter = 3", "f.toml:1:10", "a name in quotes or a table"),
             ("filter = \"\"", "f.toml:1:10", "the name is empty"),
-            ("[filter]\nparticles = 0", "f.toml:2:13", "at least one particle"),
+            ("[filter]\nparticles = 0", "f.toml:2:13", "0 is out of range; from 1 to 67108864"),
+            ("[filter]\nparticles = 1000000000", "f.toml:2:13", "1000000000 is out of range; from 1 to"),
+            ("[filter]\nparticles = 1e9", "f.toml:2:13", "expected a whole number"),
             ("[filter]\nparticles = -5", "f.toml:2:13", "integer `-5`, expected a whole number"),
             ("[filter]\nresample_when = \"belwo\"", "f.toml:2:17", "did you mean `below`?"),
             ("[filter]\nthreshold = 1.5", "f.toml:2:13", "1.5 is out of range"),
             ("[filter]\nparticels = 5", "f.toml:2:1", "did you mean `particles`?"),
-            ("[motion]\nacceleration_sd_mps2 = -1", "f.toml:2:24", "-1 is out of range"),
+            ("[motion]\nacceleration_sd_mps2 = -1", "f.toml:2:24", "-1.0 is out of range"),
+            ("[motion]\nacceleration_sd_mps2 = 1e300", "f.toml:2:24", "1e300 is out of range"),
+            ("[motion]\nturn_rate_rad_s = -1e300", "f.toml:2:19", "1e9 either way"),
             ("[motion]\ntau_s = 0", "f.toml:2:9", "above zero"),
             ("[input]\nmax_rejected = nan", "f.toml:2:16", "not a finite number"),
             ("[input]\norigin = { lat_deg = 91, lon_deg = 0 }", "f.toml:2:22", "-90 to 90"),
@@ -383,8 +423,17 @@ mod tests {
             (
                 "[sensor.north]\n\nrange_sd_m = -3",
                 "f.toml:3:14",
-                "sensor.north.range_sd_m: -3 is out of range",
+                "sensor.north.range_sd_m: -3.0 is out of range",
             ),
+            (
+                "[sensor.a]\nrange_sd_m = 1e300",
+                "f.toml:2:14",
+                "1e300 is out of range; a number above zero, from 1e-9",
+            ),
+            ("[sensor.a]\nbearing_sd_deg = 1e-300", "f.toml:2:18", "1e-300 is out of range"),
+            ("[sensor.a]\nposition_sd_m = 0", "f.toml:2:17", "above zero"),
+            ("[sensor.a]\nposition_m = [1, 1e300]", "f.toml:2:14", "1e12 either way"),
+            ("[start]\nspeed_sd_mps = 1e300", "f.toml:2:16", "to 1e9"),
             ("[sensor.a]\nbearing_sd_deg = 1\nbearing_sd_rad = 1", "f.toml:2:18", "keep one of the two"),
             ("[sensor.a]\nposition_m = [1]", "f.toml:2:14", "the list holds 1"),
             ("[sensor.a]\nposition_m = [1, inf]", "f.toml:2:14", "inf is not a finite"),
@@ -394,7 +443,7 @@ mod tests {
             (
                 "[sensor.a]\nrobust = { kind = \"outliers\", share = 0.1, scale = 0.5 }",
                 "f.toml:2:52",
-                "at least 1",
+                "1 to 1e9 is needed",
             ),
             ("[track]\nmax_gap_s = \"long\"", "f.toml:2:13", "expected a number"),
             ("[track]\nmax_gap_s = 1\nmax_gap_s = 2", "f.toml:3:1", "duplicate"),
