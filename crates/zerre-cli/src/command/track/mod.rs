@@ -51,17 +51,20 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
         }
     }
 
+    if let Some(truth) = &args.truth {
+        input::is_there(truth)?;
+    }
     // The folder first: a wrong --out is told before the work, not after it.
     let place = Destination::of(global, "track", args.inputs.first().map(|input| input.as_path()));
     let mut folder = Folder::open(&place, "track")?;
     listen()?;
     let input = input::read(&call, &settings)?;
-    settings.settle(&input.plots, input.has_height, console)?;
-    let mut run = work::follow(&settings.spec(global.seed), &input.plots, &workers, console)?;
+    settings.settle(&input.plots, &input.names(), input.has_height, console)?;
+    let mut run = work::follow(&settings.spec(global.seed), &input, &workers, console)?;
     run.check_started(&input)?;
     if !interrupted()
         && let Some((reference, other)) =
-            run.against_kalman(&settings.spec(global.seed), &input.plots, &workers, console)
+            run.against_kalman(&settings.spec(global.seed), &input, &workers, console)
     {
         if settings.prefer(&reference) {
             run = other;
