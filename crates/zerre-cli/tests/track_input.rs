@@ -278,3 +278,31 @@ fn a_stream_says_what_it_does_not_read_and_where_it_could_not_write() {
         assert!(said.contains("cannot write to standard output"), "{said}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_stream_that_is_stopped_says_so() {
+    use std::io::{BufRead, BufReader, Write};
+    let inside = folder("stopped");
+    let mut child = command(&inside, "- --config noises.toml")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let mut rows = BufReader::new(child.stdout.take().unwrap()).lines();
+    input.write_all(b"time_s,id,x_m,y_m\n0,a,1,1\n").unwrap();
+    assert!(
+        rows.next().unwrap().unwrap().starts_with("id,") && rows.next().unwrap().unwrap().starts_with("a,0,")
+    );
+    // The first row is out: the signal is listened for.
+    let mut errors = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(errors.next().unwrap().unwrap().starts_with("stopping after this step"));
+    drop(input);
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert!(errors.any(|line| line.unwrap().contains("stopped before the end")));
+    let record: Value = serde_json::from_str(&read(&inside, "run.json")).unwrap();
+    assert_eq!((&record["state"], &record["counts"]["used"]), (&"interrupted".into(), &1.into()));
+}

@@ -114,6 +114,10 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
     record.seconds = call.since.elapsed().as_secs_f64();
     let path = folder.finish(&record)?;
     call.console.info(format_args!("{rows} measurements tracked; record in {}", path.display()));
+    if interrupted() {
+        call.console.warn("stopped before the end: what is written is complete as far as it goes");
+        return Ok(Exit::CouldNot);
+    }
     Ok(if call.args.strict && degraded { Exit::Degraded } else { Exit::Done })
 }
 
