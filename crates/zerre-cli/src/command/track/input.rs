@@ -38,9 +38,14 @@ impl Input {
         }
     }
 
-    /// All files, for messages.
+    /// The files, for messages: the first few by name.
     pub fn names(&self) -> String {
-        self.files.iter().map(|file| said(Path::new(&file.path))).collect::<Vec<_>>().join(", ")
+        const NAMED: usize = 3;
+        let named: Vec<_> = self.files.iter().take(NAMED).map(|file| said(Path::new(&file.path))).collect();
+        match self.files.len().saturating_sub(NAMED) {
+            0 => named.join(", "),
+            more => format!("{} and {more} more", named.join(", ")),
+        }
     }
 }
 
