@@ -296,7 +296,11 @@ fn bad_input_ends_in_words() {
         ("latin.csv", b"time_s,id,x_m,y_m\n0,Caf\xe9,1,1\n", "not UTF-8"),
         ("long.csv", long.as_bytes(), "longer than"),
         ("nan.csv", b"time_s,id,x_m,y_m\n0,a,nan,1\n1,a,1,1\n", "max_rejected"),
-        ("unit.csv", b"time_s,id,x_furlong,y_m\n0,a,1,1\n", "an x in metres or kilometres"),
+        (
+            "unit.csv",
+            b"time_s,id,x_furlong,y_m\n0,a,1,1\n",
+            "\"x_furlong\" has an unknown unit; known are x_m, x_km",
+        ),
         ("no-id.csv", b"time_s,x_m,y_m\n0,1,1\n1,2,2\n", "no `id`"),
         (
             "bearings.csv",

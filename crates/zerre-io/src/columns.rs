@@ -258,21 +258,33 @@ fn azimuth_deg(v: f64) -> f64 {
 const UNIT_WORDS: &[&str] = &[
     "s", "ms", "us", "ns", "sec", "secs", "seconds", "min", "h", "m", "mm", "cm", "km", "metres", "meters",
     "mi", "mile", "miles", "nm", "nmi", "ft", "feet", "kft", "yd", "yards", "rad", "mrad", "radians", "deg",
-    "degrees", "gon", "mps", "mph", "kmh", "kph", "kn", "kt", "kts", "knots", "fps", "fl",
+    "degrees", "gon", "mps", "mph", "kmh", "kph", "kn", "kt", "kts", "knots", "fps", "fl", "in", "inch",
+    "inches", "yard", "furlong", "furlongs", "fathom", "fathoms", "minutes", "hr", "hrs", "hour", "hours",
 ];
 
 /// The columns of the quantity that `header` names in a unit that is not known; `None` if it does not.
 pub(crate) fn other_units(header: &str) -> Option<String> {
-    let (stem, unit) = header.rsplit_once('_')?;
-    if Column::find(header).is_some() || !UNIT_WORDS.contains(&unit.to_ascii_lowercase().as_str()) {
+    let (_, unit) = header.rsplit_once('_')?;
+    let is_unit = UNIT_WORDS.contains(&unit.to_ascii_lowercase().as_str());
+    if is_unit { any_units(header, |_| true) } else { None }
+}
+
+/// The columns of a wanted quantity whose stem `header` has, whatever stands where the unit should be.
+pub(crate) fn any_units(header: &str, wanted: impl Fn(Quantity) -> bool) -> Option<String> {
+    let (stem, _) = header.rsplit_once('_')?;
+    if Column::find(header).is_some() {
         return None;
     }
-    let known: Vec<_> = COLUMNS
-        .iter()
-        .filter(|c| c.quantity.role() != Role::Label && c.stem().eq_ignore_ascii_case(stem))
-        .map(|c| c.name)
-        .collect();
+    let of_stem = |c: &&Column| {
+        c.quantity.role() != Role::Label && wanted(c.quantity) && c.stem().eq_ignore_ascii_case(stem)
+    };
+    let known: Vec<_> = COLUMNS.iter().filter(of_stem).map(|c| c.name).collect();
     (!known.is_empty()).then(|| known.join(", "))
+}
+
+/// The known column whose name `header` is but for the case of its letters.
+pub(crate) fn other_case(header: &str) -> Option<&'static Column> {
+    COLUMNS.iter().find(|c| c.name != header && c.name.eq_ignore_ascii_case(header))
 }
 
 /// The known column that `header` may have meant.
@@ -335,6 +347,11 @@ mod tests {
         assert_eq!(other_units("x_speed"), None);
         assert_eq!(other_units("width_px"), None);
         assert_eq!(other_units("range_km"), None);
+        assert_eq!(other_units("x_furlong").as_deref(), Some("x_m, x_km"));
+        assert_eq!(any_units("x_speed", |q| q == Quantity::X).as_deref(), Some("x_m, x_km"));
+        assert_eq!(any_units("x_speed", |q| q == Quantity::Y), None);
+        assert_eq!(other_case("TIME_S").map(|c| c.name), Some("time_s"));
+        assert!(other_case("time_s").is_none() && other_case("TIME_MS").is_none());
         assert_eq!(did_you_mean("Range_m"), Some("range_m"));
         assert_eq!(did_you_mean("latitude"), Some("lat_deg"));
         assert_eq!(did_you_mean("x"), Some("x_m"));

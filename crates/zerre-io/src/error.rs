@@ -102,6 +102,19 @@ pub enum Error {
         /// The columns that exist for this quantity, joined by commas.
         known: String,
     },
+    /// A known name in other letters: names are told apart by case, so nothing is guessed.
+    #[error(
+        "{file}: column {column:?} is not known, {meant:?} is; did you mean it? (write it so, or map the column \
+         to it or to \"ignore\")"
+    )]
+    WrongCase {
+        /// The input.
+        file: String,
+        /// The header's name.
+        column: String,
+        /// The known name.
+        meant: &'static str,
+    },
     /// Two columns for one quantity.
     #[error("{file}: columns {first:?} and {second:?} both give {quantity}; map one of them to \"ignore\"")]
     DuplicateColumn {
@@ -131,8 +144,10 @@ pub enum Error {
         file: String,
     },
     /// A mapping to a column that does not exist.
-    #[error("column {column:?} is mapped to {target:?}, which is no known column{hint}")]
+    #[error("{file}: column {column:?} is mapped to {target:?}, which is no known column{hint}")]
     BadMapping {
+        /// The input.
+        file: String,
         /// The name in the header.
         column: String,
         /// The name asked for.

@@ -9,7 +9,7 @@ use serde::Serialize;
 /// A column that is neither known nor mapped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Ignored {
-    /// Its name in the header.
+    /// Its name in the header, shortened to 80 characters.
     pub column: String,
     /// The known name that may have been meant.
     pub did_you_mean: Option<&'static str>,
@@ -70,7 +70,7 @@ impl Layout {
         for column in options.columns.keys() {
             if !header.contains(column) {
                 let (file, found) = (file.to_owned(), found(&header, None));
-                return Err(Error::NotInHeader { file, column: column.clone(), found });
+                return Err(Error::NotInHeader { file, column: shorten(column), found });
             }
         }
         let dialect = formats::dialect(file, options.format, &header)?;
@@ -85,8 +85,9 @@ impl Layout {
         if times.is_empty() {
             // Names are not numbers: a first row with numbers and without a time is data.
             if let Some(value) = header.iter().find(|h| h.parse::<f64>().is_ok()) {
-                return Err(Error::NoHeader { file: file.to_owned(), line, value: value.clone() });
+                return Err(Error::NoHeader { file: file.to_owned(), line, value: shorten(value) });
             }
+            odd_unit(file, &header, options, |q| q.role() == Role::Time)?;
             return Err(Error::NoTime { file: file.to_owned(), found: found(&header, Some(Role::Time)) });
         }
         let leave_out = dialect.leave_out.and_then(|(column, cell, reason)| {
@@ -124,7 +125,13 @@ impl Layout {
         for (lonely, partners, needs) in pairs {
             let slot = self.numbers.iter().find(|s| s.column.quantity == *lonely);
             if let Some(slot) = slot.filter(|_| !partners.iter().all(|p| self.has(*p))) {
-                return Err(Error::Unpaired { file: file(), column: self.header[slot.cell].clone(), needs });
+                let missing = |q: Quantity| partners.contains(&q) && !self.has(q);
+                odd_unit(&file(), &self.header, options, missing)?;
+                return Err(Error::Unpaired {
+                    file: file(),
+                    column: shorten(&self.header[slot.cell]),
+                    needs,
+                });
             }
         }
         let position = self.has(X) || self.has(Latitude);
@@ -137,6 +144,7 @@ impl Layout {
             _ => "",
         };
         if !needed.is_empty() {
+            odd_unit(&file(), &self.header, options, |q| purpose.wants(q) && q.role() == Role::Measurement)?;
             let found = found(&self.header, Some(Role::Measurement));
             return Err(Error::NoMeasurement { file: file(), needed, found });
         }
@@ -164,7 +172,7 @@ fn assign(
     let mut ignored = Vec::new();
     let mut ignore = |column: &str, did_you_mean| {
         if !column.is_empty() {
-            ignored.push(Ignored { column: column.to_owned(), did_you_mean });
+            ignored.push(Ignored { column: shorten(column), did_you_mean });
         }
     };
     for (cell, name) in header.iter().enumerate() {
@@ -182,14 +190,24 @@ fn assign(
             None if mapped.is_some() => {
                 let near = columns::did_you_mean(target);
                 let hint = near.map_or(String::new(), |n| format!("; did you mean {n:?}?"));
-                return Err(Error::BadMapping { column: name.clone(), target: target.to_owned(), hint });
+                let (column, target) = (shorten(name), shorten(target));
+                return Err(Error::BadMapping { file: file.to_owned(), column, target, hint });
             }
-            None => match columns::other_units(name) {
-                Some(known) => {
-                    return Err(Error::UnknownUnit { file: file.to_owned(), column: name.clone(), known });
+            None => {
+                if let Some(meant) = wrong_case(header, options, purpose, name) {
+                    return Err(Error::WrongCase { file: file.to_owned(), column: shorten(name), meant });
                 }
-                None => ignore(name, columns::did_you_mean(name)),
-            },
+                match columns::other_units(name).filter(|_| columns::other_case(name).is_none()) {
+                    Some(known) => {
+                        return Err(Error::UnknownUnit {
+                            file: file.to_owned(),
+                            column: shorten(name),
+                            known,
+                        });
+                    }
+                    None => ignore(name, columns::did_you_mean(name)),
+                }
+            }
         }
     }
     if !plain {
@@ -211,13 +229,42 @@ fn assign(
     Ok((slots, ignored))
 }
 
+/// The known time or number that `name` is in other letters, unless another column gives it. A label in other letters
+/// may be something else (a row's `ID`): it is ignored, and said.
+fn wrong_case(header: &[String], options: &Options, purpose: Purpose, name: &str) -> Option<&'static str> {
+    let meant = columns::other_case(name)?;
+    let quantity = meant.quantity;
+    let gives = |other: &String| {
+        let target = options.columns.get(other).unwrap_or(other);
+        Column::find(target).is_some_and(|c| c.quantity.name() == quantity.name())
+    };
+    let read = purpose.wants(quantity) && quantity.role() != Role::Label;
+    (read && !header.iter().any(gives)).then_some(meant.name)
+}
+
+/// Refuses a table that lacks a wanted quantity because its unit is not known.
+fn odd_unit(
+    file: &str,
+    header: &[String],
+    options: &Options,
+    wanted: impl Fn(Quantity) -> bool,
+) -> Result<()> {
+    let unmapped = header.iter().filter(|name| !options.columns.contains_key(*name));
+    for name in unmapped {
+        if let Some(known) = columns::any_units(name, &wanted) {
+            return Err(Error::UnknownUnit { file: file.to_owned(), column: shorten(name), known });
+        }
+    }
+    Ok(())
+}
+
 /// What a column gives: the same for all its units.
 fn meaning(slot: &Slot) -> &'static str {
     slot.column.quantity.name()
 }
 
 fn duplicate(file: &str, header: &[String], a: &Slot, b: &Slot, quantity: &'static str) -> Error {
-    let name = |s: &Slot| header[s.cell].clone();
+    let name = |s: &Slot| shorten(&header[s.cell]);
     Error::DuplicateColumn { file: file.to_owned(), first: name(a), second: name(b), quantity }
 }
 

@@ -95,6 +95,8 @@ pub struct Summary {
     pub ignored: Vec<Ignored>,
     /// Where positions are on Earth, if that is known.
     pub frame: Option<LocalFrame>,
+    /// Whether the table itself says where its positions are on Earth: by latitudes, or by a known reference point.
+    pub geographic: bool,
 }
 
 /// A sound row.
@@ -264,6 +266,7 @@ impl<R: BufRead> Rows<R> {
             }),
             _ => Ok(Summary {
                 format: self.layout.dialect.format,
+                geographic: self.layout.geographic() || self.layout.dialect.origin.is_some(),
                 counts: self.counts,
                 rejections: self.rejections,
                 ignored: self.layout.ignored,
@@ -296,8 +299,11 @@ fn parse<'a>(
         return Err(fault(layout.times.first().map_or(0, |s| s.cell), "no time"));
     };
     let time = match slot.column.quantity {
+        // Why it is no time: plain decimals are refused for their size only.
         Quantity::Seconds => {
-            Time::parse_secs(cells.get(slot.cell)).map_err(|_| "not a time in decimal seconds")
+            let text = cells.get(slot.cell);
+            Time::parse_secs(text)
+                .map_err(|_| if decimal(text) { FAR_TIME } else { "not a time in decimal seconds" })
         }
         _ => calendar(cells.get(slot.cell), layout.dialect.utc),
     }
@@ -319,10 +325,10 @@ fn parse<'a>(
         (Some(cell), Some(text)) => Some(text.parse().map_err(|_| fault(cell, "not a whole number"))?),
         _ => None,
     };
-    let position = position(layout, options, frame, &values).map_err(|reason| Passed::Bad {
-        cell: None,
-        value: "",
-        reason,
+    let position = position(layout, options, frame, &values).map_err(|reason| {
+        let first =
+            layout.numbers.iter().find(|s| matches!(s.column.quantity, Quantity::X | Quantity::Latitude));
+        fault(first.map_or(0, |s| s.cell), reason)
     })?;
     let mut intern = |text: &str| match names.get(text) {
         Some(name) => Arc::clone(name),
@@ -376,6 +382,16 @@ fn place_in(frame: &LocalFrame, place: Geodetic, three_d: bool) -> Option<[f64; 
         frame.east_north(place.lat_deg, place.lon_deg).map(|[e, n]| [e, n, 0.0])
     };
     local.filter(|p| p.iter().all(|v| v.is_finite()))
+}
+
+/// What 64 bits of nanoseconds reach.
+const FAR_TIME: &str = "a time more than 9223372036 s (292 years) from the epoch; are these seconds?";
+
+/// Whether `text` is a number in decimal digits.
+fn decimal(text: &str) -> bool {
+    let digits = text.strip_prefix(['-', '+']).unwrap_or(text);
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    digits.len() > 1 && whole.bytes().chain(fraction.bytes()).all(|b| b.is_ascii_digit())
 }
 
 /// Date and time of day to nanoseconds since 1970 UTC.

@@ -89,20 +89,19 @@ impl<R: BufRead> Iterator for TableReader<R> {
 }
 
 /// The independent readings of a row. An elevation belongs to the reading of its range even in two dimensions:
-/// a slant range without it would be taken for one in the plane.
-fn readings(row: &Row, three_d: bool) -> [Option<Reading>; 3] {
+/// a slant range without it would be taken for one in the plane. In three dimensions a range and a bearing whose
+/// elevation is missing are two readings, which hold for any height.
+fn readings(row: &Row, three_d: bool) -> [Option<Reading>; 4] {
     let of = |q| row.value(q);
     let position = row
         .position
         .map(|[x, y, z]| if three_d { Reading::Position3([x, y, z]) } else { Reading::Position2([x, y]) });
-    let polar = match (of(Quantity::Range), of(Quantity::Bearing), of(Quantity::Elevation)) {
-        (Some(r), Some(b), Some(e)) => Some(Reading::RangeBearingElevation([r, b, e])),
-        (Some(r), Some(b), None) => Some(Reading::RangeBearing([r, b])),
-        (Some(r), None, _) => Some(Reading::Range(r)),
-        (None, Some(b), _) => Some(Reading::Bearing(b)),
-        (None, None, _) => None,
+    let (range, bearing) = match (of(Quantity::Range), of(Quantity::Bearing), of(Quantity::Elevation)) {
+        (Some(r), Some(b), Some(e)) => (Some(Reading::RangeBearingElevation([r, b, e])), None),
+        (Some(r), Some(b), None) if !three_d => (Some(Reading::RangeBearing([r, b])), None),
+        (r, b, _) => (r.map(Reading::Range), b.map(Reading::Bearing)),
     };
-    [position, polar, of(Quantity::RangeRate).map(Reading::RangeRate)]
+    [position, range, bearing, of(Quantity::RangeRate).map(Reading::RangeRate)]
 }
 
 /// A whole recording in order of time; plots of one time keep the order of the file.

@@ -62,6 +62,21 @@ fn heights_are_left_out_unless_asked_for() {
 }
 
 #[test]
+fn without_its_elevation_a_slant_range_is_a_sphere() {
+    let table = "time_s,range_m,bearing_rad,elevation_rad\n0,100,0.5,0.1\n1,101,0.5,\n2,102,,0.1\n";
+    let three_d = Options { three_d: true, ..Options::default() };
+    let deep = Recording::read("in.csv", table.as_bytes(), &three_d).unwrap();
+    let want = [
+        Reading::RangeBearingElevation([100.0, 0.5, 0.1]),
+        Reading::Range(101.0),
+        Reading::Bearing(0.5),
+        Reading::Range(102.0),
+    ];
+    assert_eq!(readings(&deep), want);
+    assert_eq!((deep.summary.counts.used, deep.repeated), (3, 0));
+}
+
+#[test]
 fn geographic_positions_become_local() {
     let table =
         "time,lat_deg,lon_deg,alt_m\n2021-07-12T14:00:00Z,50,-1,900\n2021-07-12T14:00:01Z,50.001,-1,900\n";
@@ -174,6 +189,14 @@ fn refusals_say_what_and_how_to_mend() {
         ("time_s;x_m;y_m\n", "separate the columns by commas"),
         ("time_s,id\n", "no column gives a measurement"),
         ("time_s,range\n", "does \"range\" mean range_m?"),
+        ("time_s,x_furlong,y_m\n", "\"x_furlong\" has an unknown unit; known are x_m, x_km"),
+        ("time_s,x_leagues,y_m\n", "\"x_leagues\" has an unknown unit; known are x_m, x_km"),
+        ("time_s,range_smoots\n", "\"range_smoots\" has an unknown unit; known are range_m, range_km"),
+        ("time_fortnights,x_m,y_m\n", "\"time_fortnights\" has an unknown unit; known are time_s, time"),
+        ("TIME_S,x_m,y_m\n", "column \"TIME_S\" is not known, \"time_s\" is; did you mean it?"),
+        ("Time,x_m,y_m\n", "column \"Time\" is not known, \"time\" is; did you mean it?"),
+        ("time_s,X_m,y_m\n", "column \"X_m\" is not known, \"x_m\" is; did you mean it?"),
+        ("time_s,Range_KM\n", "column \"Range_KM\" is not known, \"range_km\" is; did you mean it?"),
         ("time_s,range_miles\n", "\"range_miles\" has an unknown unit; known are range_m, range_km"),
         ("time_ms,x_m,y_m\n", "\"time_ms\" has an unknown unit; known are time_s"),
         ("time_s,x_m,y_m,x_m\n", "columns \"x_m\" and \"x_m\" both give x"),
@@ -189,6 +212,66 @@ fn refusals_say_what_and_how_to_mend() {
         assert!(message.contains(want), "{table:?}: {message}");
         assert!(message.contains("in.csv"), "{message}");
     }
+}
+
+#[test]
+fn names_in_other_letters_are_ignored_where_they_do_not_matter() {
+    let recording = read("time_s,TIME,ID,X_M,x_m,y_m,VX_MPS\n0,noon,7,1,2,3,4\n").unwrap();
+    assert_eq!(readings(&recording), [Reading::Position2([2.0, 3.0])]);
+    let ignored: Vec<_> =
+        recording.summary.ignored.iter().map(|i| (i.column.as_str(), i.did_you_mean)).collect();
+    let want = [("TIME", Some("time")), ("ID", Some("id")), ("X_M", Some("x_m")), ("VX_MPS", Some("vx_mps"))];
+    assert_eq!(ignored, want);
+}
+
+#[test]
+fn long_names_are_cut_wherever_they_are_said() {
+    let long = "z".repeat(100_000);
+    let cut = |text: &str| assert!(text.len() < 1500 && text.contains("zzz..."), "{} bytes", text.len());
+    cut(&read(&format!("time_s,x_m,y_m,{long}\n0,1,2,3\n")).unwrap().summary.ignored[0].column);
+    cut(&message(&format!("x_m,y_m,{long}\n")));
+    cut(&message(&format!("time_s,{long}\n")));
+    cut(&message(&format!("{long}\n")));
+    let map = |target: &str| {
+        let options = Options { columns: [(long.clone(), target.to_owned())].into(), ..Options::default() };
+        let table = format!("time_s,x_m,y_m,{long}\n0,1,2,3\n");
+        Recording::read("in.csv", table.as_bytes(), &options).unwrap_err().to_string()
+    };
+    cut(&map("x_m"));
+    cut(&map("xm"));
+    cut(&map(&"y".repeat(100_000)).replace('y', "z"));
+    let absent = Options { columns: [(long.clone(), "x_m".to_owned())].into(), ..Options::default() };
+    cut(&Recording::read("in.csv", &b"time_s,x_m,y_m\n"[..], &absent).unwrap_err().to_string());
+    let digits = message(&format!("{},1,2\n", "9".repeat(100_000)));
+    assert!(digits.len() < 500, "{} bytes", digits.len());
+}
+
+#[test]
+fn times_out_of_reach_say_column_line_value_and_limit() {
+    for text in ["1626098398996000", "-9223372037", "9223372036.9"] {
+        let message = message(&format!("time_s,x_m,y_m\n{text},1,2\n"));
+        let want =
+            format!("line 2, time_s {text:?}: a time more than 9223372036 s (292 years) from the epoch");
+        assert!(message.contains(&want) && message.contains("in.csv"), "{message}");
+    }
+    for text in ["1e3", ".", "-", "1.2.3", "12s"] {
+        let message = message(&format!("time_s,x_m,y_m\n{text},1,2\n"));
+        assert!(message.contains(&format!("time_s {text:?}: not a time in decimal seconds")), "{message}");
+    }
+    let dated = message("time,x_m,y_m\n1500-01-01T00:00:00Z,1,2\n");
+    let want = "line 2, time \"1500-01-01T00:00:00Z\": a time before 1677 or after 2262";
+    assert!(dated.contains(want), "{dated}");
+    let options = Options { origin: Some(Geodetic::new(50.0, 0.0, 0.0).unwrap()), ..Options::default() };
+    let error = Recording::read("in.csv", &b"time_s,lat_deg,lon_deg\n0,-50,180\n"[..], &options).unwrap_err();
+    assert!(error.to_string().contains("line 2, lat_deg \"-50\": too far from the origin"), "{error}");
+}
+
+#[test]
+fn tables_say_whether_they_know_their_place_on_earth() {
+    let geographic = |table: &str| read(table).unwrap().summary.geographic;
+    assert!(geographic("time_s,lat_deg,lon_deg\n0,50,-1\n"));
+    assert!(geographic("tod,track,rho_m,theta_deg\n0,1,5,6\n"));
+    assert!(!geographic("time_s,x_m,y_m\n0,1,2\n"));
 }
 
 #[test]
@@ -277,6 +360,23 @@ proptest! {
             }
             Err(error) => prop_assert!(matches!(error, Error::NoHeight { .. }), "{}", error),
         }
+    }
+
+    /// RFC 4180: any text without a line end comes through its quotes, wherever its cell stands.
+    #[test]
+    fn quoted_cells_read_back(texts in prop::collection::vec("[a\" ,'\\\\;é#]{0,12}", 3), place in 0..3usize) {
+        let quoted: Vec<_> = texts.iter().map(|t| format!("\"{}\"", t.replace('"', "\"\""))).collect();
+        let mut header = vec!["time_s", "x_m", "y_m"];
+        let mut row = vec!["0", "1", "2"];
+        for (name, text) in ["id", "sensor", "comment"].into_iter().zip(&quoted) {
+            header.insert(place, name);
+            row.insert(place, text);
+        }
+        let recording = read(&format!("{}\n{}\n", header.join(","), row.join(","))).unwrap();
+        let named = |text: &str| Some(text.trim().to_owned()).filter(|t| !t.is_empty());
+        prop_assert_eq!(recording.plots[0].id.as_deref().map(str::to_owned), named(&texts[0]));
+        prop_assert_eq!(recording.plots[0].sensor.as_deref().map(str::to_owned), named(&texts[1]));
+        prop_assert_eq!(recording.plots[0].reading, Reading::Position2([1.0, 2.0]));
     }
 
     /// What is printed exactly is read exactly, whatever the order of the rows.

@@ -248,6 +248,30 @@ fn silence_ends_a_track_and_old_plots_are_not_used() {
     assert_eq!(push(86_701.0).event, Event::Updated);
 }
 
+/// The second track of `a` and the first of `a#2` are told apart, by name and by random numbers, before a save and
+/// after it.
+#[test]
+fn names_of_tracks_do_not_collide() {
+    let spec = spec("particle", "constant-velocity", 2);
+    let mut tracker = spec.build(Engine::default()).unwrap();
+    let mut seen = std::collections::BTreeMap::new();
+    for secs in [0.0, 100_000.0] {
+        for id in ["a", "a#2", "a#2#1", "a#02", "a#"] {
+            tracker.push(&plot(id, secs, Reading::Position2([0.0, 0.0]))).unwrap();
+            let saved = serde_json::to_string(&tracker.save()).unwrap();
+            tracker = spec.build(Engine::default()).unwrap();
+            tracker.restore(serde_json::from_str(&saved).unwrap()).unwrap();
+            let row = tracker.push(&plot(id, secs + 1.0, Reading::Position2([1.0, 0.0]))).unwrap();
+            seen.insert(row.id.to_string(), row.mean);
+        }
+    }
+    let names: Vec<&str> = seen.keys().map(String::as_str).collect();
+    let want = ["a", "a#", "a##2", "a#02", "a#02#2", "a#2", "a#2#1", "a#2#1#1", "a#2#1#2", "a#2#2"];
+    assert_eq!(names, want);
+    let means: Vec<&Vec<f64>> = seen.values().collect();
+    assert!((1..means.len()).all(|i| !means[..i].contains(&means[i])), "one stream for two tracks: {seen:?}");
+}
+
 #[test]
 fn wild_plots_are_gated_and_lost_clouds_start_anew() {
     let mut gated = spec("particle", "constant-velocity", 2);

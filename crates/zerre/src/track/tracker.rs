@@ -209,7 +209,8 @@ pub enum State {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Identity of the track: that of the plot, with `#2`, `#3`, ... for tracks after a gap; `target` for plots
-    /// without one.
+    /// without one. An identity that itself ends so gets `#1` on its first track: no two tracks of different
+    /// identities have one name, and what stands before the last `#` is the identity.
     pub id: Arc<str>,
     /// Time of the estimate.
     pub time: Time,
@@ -270,6 +271,18 @@ pub struct Innovation {
     pub nis: f64,
     /// trace(S^-1 R) / dimension: the share of the measurement's noise in S.
     pub noise_share: f64,
+}
+
+/// Name of a target's first, second, ... track: another one for every pair. The random streams are keyed by it.
+fn track_name(identity: Arc<str>, track: u32) -> Arc<str> {
+    let numbered = |number: &str| {
+        number.starts_with(|c: char| ('1'..='9').contains(&c)) && number.bytes().all(|b| b.is_ascii_digit())
+    };
+    match identity.rsplit_once('#') {
+        Some((_, number)) if numbered(number) => Arc::from(format!("{identity}#{track}")),
+        _ if track > 1 => Arc::from(format!("{identity}#{track}")),
+        _ => identity,
+    }
 }
 
 /// FNV-1a with 64 bits (Fowler, Noll and Vo, draft-eastlake-fnv): the label under which the random stream of a
@@ -559,7 +572,7 @@ where
         let silent = |t: &Target<N>| plot.time - t.belief.time() > self.spec.life.max_gap;
         if slot.as_ref().is_none_or(silent) {
             let track = slot.as_ref().map_or(1, |t| t.track + 1);
-            let id = if track == 1 { identity } else { Arc::from(format!("{identity}#{track}")) };
+            let id = track_name(identity, track);
             return match self.start(Arc::clone(&id), track, 1, plot)? {
                 None => Ok(Row::without_belief(id, plot.time, Event::Waiting)),
                 Some((target, update)) => {
@@ -734,7 +747,7 @@ where
             let id: Option<Arc<str>> = id.map(Arc::from);
             let name = id.clone().unwrap_or_else(|| Arc::from("target"));
             let SavedTarget { track, starts, warm_up, degenerate, belief } = target;
-            let name = if track == 1 { name } else { Arc::from(format!("{name}#{track}")) };
+            let name = track_name(name, track);
             let belief = match belief {
                 SavedBelief::Cloud(cloud) => Belief::Cloud(Box::new(Cloud::restore(cloud)?)),
                 SavedBelief::Gaussian { time, mean, covariance } => {

@@ -2,18 +2,23 @@
 
 use super::Call;
 use super::settings::Settings;
+use crate::console::Console;
 use crate::diagnostic::Diagnostic;
 use crate::run::{Counts, Hashing, Input as File};
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::io::{BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use zerre::track::{Plot, Reading};
-use zerre_io::{LocalFrame, Options, Recording, Rejection};
+use zerre_io::{Ignored, LocalFrame, Options, Recording, Rejection};
 
 /// Everything that was read.
 pub(super) struct Input {
     /// In order of time.
     pub plots: Vec<Plot>,
+    /// Which of `files` each plot is from.
+    pub file_of: Vec<usize>,
     pub files: Vec<File>,
     pub counts: Counts,
     pub rejections: Vec<Rejection>,
@@ -24,9 +29,29 @@ pub(super) struct Input {
     pub has_height: bool,
 }
 
+impl Input {
+    /// Where a plot was read, for messages.
+    pub fn place(&self, plot: usize) -> String {
+        match (self.plots.get(plot), self.file_of.get(plot).and_then(|&file| self.files.get(file))) {
+            (Some(plot), Some(file)) => format!("{}, line {}", said(Path::new(&file.path)), plot.line),
+            _ => self.names(),
+        }
+    }
+
+    /// The files, for messages: the first few by name.
+    pub fn names(&self) -> String {
+        const NAMED: usize = 3;
+        let named: Vec<_> = self.files.iter().take(NAMED).map(|file| said(Path::new(&file.path))).collect();
+        match self.files.len().saturating_sub(NAMED) {
+            0 => named.join(", "),
+            more => format!("{} and {more} more", named.join(", ")),
+        }
+    }
+}
+
 /// A refusal of a reader.
 pub(super) fn refused(error: &zerre_io::Error) -> Diagnostic {
-    use zerre_io::Error::{Empty, FormatMismatch, NoMeasurement, NoTime, TooManyRejected};
+    use zerre_io::Error::{Empty, FormatMismatch, NoHeight, NoMeasurement, NoTime, TooManyRejected};
     let diagnostic = Diagnostic::new(error.to_string());
     match error {
         TooManyRejected { .. } => diagnostic.help("mend the rows, or raise max_rejected under [input]"),
@@ -34,57 +59,51 @@ pub(super) fn refused(error: &zerre_io::Error) -> Diagnostic {
         NoTime { .. } | NoMeasurement { .. } | Empty { .. } => {
             diagnostic.help("`zerre track --help` shows what a table looks like")
         }
+        NoHeight { .. } => diagnostic.help("elevations are measured, so that all is in three dimensions"),
         _ => diagnostic,
     }
 }
 
 pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagnostic> {
-    let mut options = settings.options.clone();
+    let paths = &call.args.inputs;
+    distinct(paths)?;
+    let texts = paths.iter().map(|path| whole(path)).collect::<Result<Vec<_>, _>>()?;
+    let parse = |three_d| parse(settings, paths, &texts, Options { three_d, ..settings.options.clone() });
+    // Heights count where elevations are measured: a slant range needs them.
+    let in_space = |plot: &Plot| matches!(plot.reading, Reading::RangeBearingElevation(_));
+    let flat = parse(false)?;
+    let has_height = flat.iter().any(|recording| recording.plots.iter().any(in_space));
+    let recordings = if has_height { parse(true)? } else { flat };
+    if settings.options.origin.is_none() {
+        one_plane(paths, &recordings)?;
+    }
+
     let mut input = Input {
         plots: Vec::new(),
-        files: Vec::new(),
+        file_of: Vec::new(),
+        files: texts.into_iter().map(|(_, file)| file).collect(),
         counts: Counts::default(),
         rejections: Vec::new(),
         frame: None,
         out_of_order: 0,
         repeated: 0,
-        has_height: false,
+        has_height,
     };
-    let several = call.args.inputs.len() > 1;
-    for path in &call.args.inputs {
-        let bytes = whole(path)?;
-        let name = path.display().to_string();
-        let recording =
-            parse(&name, &bytes.0, &mut options).map_err(|error| settings.refused_by_reader(&error))?;
-        if recording.plots.is_empty() {
-            let text = format!("{name}: no row holds a measurement");
-            return Err(Diagnostic::new(text).help("`zerre track --help` shows what a table looks like"));
-        }
-        if let (Some(ours), Some(theirs)) = (&input.frame, &recording.summary.frame)
-            && ours.origin() != theirs.origin()
-        {
-            let text =
-                format!("{name}: its plane touches the earth elsewhere than that of the recordings before");
-            return Err(
-                Diagnostic::new(text).help("give one origin for all under [input], or track them one by one")
-            );
-        }
-        let stem: Arc<str> = Arc::from(path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy());
+    let sensors = sensor_names(paths);
+    let mut plots: Vec<(usize, Plot)> = Vec::new();
+    for (file, recording) in recordings.into_iter().enumerate() {
+        let name = said(&paths[file]);
+        warn_of(call.console, &name, &recording.summary.ignored);
         for mut plot in recording.plots {
-            if several && plot.sensor.is_none() {
-                plot.sensor = Some(Arc::clone(&stem));
+            if paths.len() > 1 && plot.sensor.is_none() {
+                plot.sensor = Some(Arc::clone(&sensors[file]));
             }
             if call.args.single {
                 plot.id = None;
             } else if plot.id.is_none() {
-                return Err(unidentified(&name, plot.line));
+                return Err(unidentified(&name, plot.line, &recording.summary.ignored));
             }
-            input.plots.push(plot);
-        }
-        input.has_height |= options.three_d;
-        for column in &recording.summary.ignored {
-            let hint = column.did_you_mean.map_or(String::new(), |name| format!("; did you mean {name}?"));
-            call.console.warn(format_args!("{name}: the column {:?} is not read{hint}", column.column));
+            plots.push((file, plot));
         }
         let counts = recording.summary.counts;
         input.counts.read += counts.read;
@@ -99,27 +118,128 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         input.rejections.extend(recording.summary.rejections);
         input.out_of_order += recording.out_of_order;
         input.repeated += recording.repeated;
-        // Later recordings join the plane of the first.
         input.frame = input.frame.or(recording.summary.frame);
-        options.origin = options.origin.or(input.frame.as_ref().map(LocalFrame::origin));
-        input.files.push(bytes.1);
     }
     // Stable: plots of one time keep the order of the inputs.
-    input.plots.sort_by_key(|plot| plot.time);
+    plots.sort_by_key(|(_, plot)| plot.time);
+    (input.file_of, input.plots) = plots.into_iter().unzip();
     Ok(input)
 }
 
-pub(super) fn unidentified(name: &str, line: u64) -> Diagnostic {
-    Diagnostic::new(format!(
+/// Refuses a recording that is named twice: its measurements would count for two.
+fn distinct(paths: &[PathBuf]) -> Result<(), Diagnostic> {
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let twice = (1..paths.len()).find(|&i| paths[..i].iter().any(|other| real(other) == real(&paths[i])));
+    match twice {
+        Some(i) => Err(Diagnostic::usage(format!("{} is given twice", paths[i].display()))),
+        None => Ok(()),
+    }
+}
+
+/// Reads the tables. Later recordings join the plane of the first.
+fn parse(
+    settings: &Settings,
+    paths: &[PathBuf],
+    texts: &[(Vec<u8>, File)],
+    mut options: Options,
+) -> Result<Vec<Recording>, Diagnostic> {
+    let mut recordings = Vec::with_capacity(texts.len());
+    let mut frame: Option<LocalFrame> = None;
+    for (path, (bytes, _)) in paths.iter().zip(texts) {
+        let name = said(path);
+        let recording = Recording::read(&name, BufReader::new(&bytes[..]), &options)
+            .map_err(|error| settings.refused_by_reader(&error))?;
+        if recording.plots.is_empty() {
+            let text = format!("{name}: no row holds a measurement");
+            return Err(Diagnostic::new(text).help("`zerre track --help` shows what a table looks like"));
+        }
+        if let (Some(ours), Some(theirs)) = (&frame, &recording.summary.frame)
+            && ours.origin() != theirs.origin()
+        {
+            let text =
+                format!("{name}: its plane touches the earth elsewhere than that of the recordings before");
+            return Err(
+                Diagnostic::new(text).help("give one origin for all under [input], or track them one by one")
+            );
+        }
+        frame = frame.or_else(|| recording.summary.frame.clone());
+        options.origin = options.origin.or(frame.as_ref().map(LocalFrame::origin));
+        recordings.push(recording);
+    }
+    Ok(recordings)
+}
+
+/// Refuses places on the earth together with places in a plane that lies nobody knows where.
+fn one_plane(paths: &[PathBuf], recordings: &[Recording]) -> Result<(), Diagnostic> {
+    let find = |geographic| recordings.iter().position(|r| r.summary.geographic == geographic);
+    let (Some(earth), Some(plane)) = (find(true), find(false)) else { return Ok(()) };
+    let text = format!(
+        "{} gives places on the earth, {} in a plane of its own: how the two lie is not known",
+        said(&paths[earth]),
+        said(&paths[plane])
+    );
+    Err(Diagnostic::new(text).help("give the `origin` of the plane under [input]"))
+}
+
+/// A name for the sensor of each file, where its rows have none: the name of the file, or its path where two files
+/// have one name.
+fn sensor_names(paths: &[PathBuf]) -> Vec<Arc<str>> {
+    let stem = |path: &PathBuf| path.file_stem().unwrap_or(path.as_os_str()).to_owned();
+    let mut times: BTreeMap<_, usize> = BTreeMap::new();
+    for path in paths {
+        *times.entry(stem(path)).or_default() += 1;
+    }
+    let name = |path: &PathBuf| match stem(path) {
+        stem if times.get(&stem) == Some(&1) => Arc::from(stem.to_string_lossy()),
+        _ => Arc::from(path.to_string_lossy()),
+    };
+    paths.iter().map(name).collect()
+}
+
+/// An input as messages name it.
+fn said(path: &Path) -> String {
+    if path.as_os_str() == OsStr::new("-") { "standard input".to_owned() } else { path.display().to_string() }
+}
+
+/// Says which columns are not read: each of the first few once.
+pub(super) fn warn_of(console: &Console, name: &str, ignored: &[Ignored]) {
+    const SAID: usize = 10;
+    for column in ignored.iter().take(SAID) {
+        let hint = column.did_you_mean.map_or(String::new(), |name| format!("; did you mean {name}?"));
+        console.warn(format_args!("{name}: the column {:?} is not read{hint}", column.column));
+    }
+    if ignored.len() > SAID {
+        console.warn(format_args!("{name}: nor are {} more columns", ignored.len() - SAID));
+    }
+}
+
+pub(super) fn unidentified(name: &str, line: u64, ignored: &[Ignored]) -> Diagnostic {
+    let diagnostic = Diagnostic::new(format!(
         "{name}, line {line}: the measurement has no `id`, so which target it is of is not known, \
          and association does not exist yet"
-    ))
-    .help("give a column `id`, or --single if all measurements are of one target")
+    ));
+    let diagnostic = match ignored.iter().find(|column| column.did_you_mean == Some("id")) {
+        Some(column) => {
+            diagnostic.help(format!("the column {:?} is not read; did you mean id?", column.column))
+        }
+        None => diagnostic,
+    };
+    diagnostic.help("give a column `id`, or --single if all measurements are of one target")
+}
+
+/// Refuses a file that cannot be read later, before the work. It is not opened: a pipe can be read only once.
+pub(super) fn is_there(path: &Path) -> Result<(), Diagnostic> {
+    let unreadable = |error| Diagnostic::io("read", path, &error);
+    if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
+        return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
+    }
+    Ok(())
 }
 
 /// A whole file, and what `run.json` says of it.
 fn whole(path: &Path) -> Result<(Vec<u8>, File), Diagnostic> {
-    let unreadable = |error| Diagnostic::io("read", path, &error);
+    let shown = said(path);
+    let unreadable = |error| Diagnostic::io("read", Path::new(&shown), &error);
     let name = path.display().to_string();
     let mut bytes = Vec::new();
     let file = if path == Path::new("-") {
@@ -132,16 +252,4 @@ fn whole(path: &Path) -> Result<(Vec<u8>, File), Diagnostic> {
         hashing.finish(&name)
     };
     Ok((bytes, file.map_err(unreadable)?))
-}
-
-/// Reads the table; heights count where elevations are measured, because a slant range needs them.
-fn parse(name: &str, bytes: &[u8], options: &mut Options) -> Result<Recording, zerre_io::Error> {
-    let read = |options: &Options| Recording::read(name, BufReader::new(bytes), options);
-    let recording = read(options)?;
-    let in_space = |plot: &Plot| matches!(plot.reading, Reading::RangeBearingElevation(_));
-    if options.three_d || !recording.plots.iter().any(in_space) {
-        return Ok(recording);
-    }
-    options.three_d = true;
-    read(options)
 }

@@ -1,6 +1,6 @@
 //! Measurements from standard input, a row out for each.
 
-use super::input::{refused, unidentified};
+use super::input::{refused, unidentified, warn_of};
 use super::outcome::{component, track_row};
 use super::settings::{Settings, refused as refused_by_model};
 use super::work::Workers;
@@ -22,13 +22,14 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
     let mut hashing = Hashing::new(std::io::stdin().lock());
     let mut reader = TableReader::new("standard input", BufReader::new(&mut hashing), &settings.options)
         .map_err(|error| settings.refused_by_reader(&error))?;
+    warn_of(call.console, "standard input", reader.ignored());
     let next = |reader: &mut TableReader<_>| -> Result<Option<Plot>, Diagnostic> {
         let Some(plot) = reader.next().transpose().map_err(|error| refused(&error))? else {
             return Ok(None);
         };
         match plot.id {
             _ if call.args.single => Ok(Some(Plot { id: None, ..plot })),
-            None => Err(unidentified("standard input", plot.line)),
+            None => Err(unidentified("standard input", plot.line, reader.ignored())),
             Some(_) => Ok(Some(plot)),
         }
     };
@@ -50,20 +51,21 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
         return Err(Diagnostic::new(text).help("write the measurements to a file, and track that"));
     }
     waiting.sort_by_key(|plot| plot.time);
-    settings.settle(&waiting, false, call.console)?;
+    settings.settle(&waiting, "standard input", false, call.console)?;
     if call.global.explain {
         call.console.info(&settings.effective);
     }
 
-    let failed = |error: &zerre::Error| refused_by_model(error);
-    let mut tracker =
-        settings.spec(call.global.seed).build(workers.engine(1)?).map_err(|error| failed(&error))?;
+    let mut tracker = settings
+        .spec(call.global.seed)
+        .build(workers.engine(1)?)
+        .map_err(|error| refused_by_model("standard input", &error))?;
     let components: Vec<_> = tracker.states().into_iter().map(component).collect();
     let mut record = Record::new("track", call.global.seed, settings.effective.to_json());
     let mut digest = EstimatesDigest::default();
     let mut out = match TrackCsv::new(std::io::stdout().lock(), &components) {
         Ok(out) => Some(out),
-        Err(error) => return Err(Diagnostic::new(format!("cannot write to standard output: {error}"))),
+        Err(error) => return Err(unwritten(&error)),
     };
     let (mut rows, mut rows_read, mut line, mut degraded) = (0_u64, 0_u64, 0, false);
     let mut sensors = BTreeSet::new();
@@ -81,7 +83,7 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
         }
         let row = tracker
             .push(&plot)
-            .map_err(|error| failed(&error).help(format!("it was line {} of standard input", plot.line)))?;
+            .map_err(|error| refused_by_model(&format!("standard input, line {}", plot.line), &error))?;
         degraded |= matches!(row.event, Event::Degenerate | Event::Restarted);
         if !matches!(row.event, Event::Started | Event::Updated) {
             record.outcomes_of(row.event.name(), "see outcome in the rows", 1);
@@ -94,6 +96,7 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
                     out = None;
                     continue;
                 }
+                Err(zerre_io::Error::Write { source, .. }) => return Err(unwritten(&source)),
                 Err(error) => return Err(Diagnostic::new(error.to_string())),
             }
         }
@@ -126,5 +129,13 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
     record.seconds = call.since.elapsed().as_secs_f64();
     let path = folder.finish(&record)?;
     call.console.info(format_args!("{rows} measurements tracked; record in {}", path.display()));
+    if interrupted() {
+        call.console.warn("stopped before the end: what is written is complete as far as it goes");
+        return Ok(Exit::CouldNot);
+    }
     Ok(if call.args.strict && degraded { Exit::Degraded } else { Exit::Done })
+}
+
+fn unwritten(error: &std::io::Error) -> Diagnostic {
+    Diagnostic::new(format!("cannot write to standard output: {error}"))
 }

@@ -59,18 +59,21 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
         }
     }
 
+    if let Some(truth) = &args.truth {
+        input::is_there(truth)?;
+    }
     // The folder first: a wrong --out is told before the work, not after it.
     let place = call.destination();
     let mut folder = Folder::open(&place, "track")?;
     listen()?;
     let input = input::read(&call, &settings)?;
     settings.check_sensors(&input.plots)?;
-    settings.settle(&input.plots, input.has_height, console)?;
-    let mut run = work::follow(&settings.spec(global.seed), &input.plots, &workers, console)?;
+    settings.settle(&input.plots, &input.names(), input.has_height, console)?;
+    let mut run = work::follow(&settings.spec(global.seed), &input, &workers, console)?;
     run.check_started(&input)?;
     if !interrupted()
         && let Some((reference, other)) =
-            run.against_kalman(&settings.spec(global.seed), &input.plots, &workers, console)
+            run.against_kalman(&settings.spec(global.seed), &input, &workers, console)
     {
         if settings.prefer(&reference) {
             run = other;
@@ -89,7 +92,7 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     record.input = input.files.clone();
     record.counts = input.counts.clone();
     if interrupted() {
-        record.counts.stop_at(run.rows_followed(&input.plots));
+        record.counts.stop_at(run.rows_followed(&input));
     }
     outcome.record(&mut record);
     let table = outcome.table(&run)?;

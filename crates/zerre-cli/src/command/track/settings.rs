@@ -28,9 +28,9 @@ pub(super) struct Settings {
     preferred: Option<String>,
 }
 
-/// Failure of a model: a sentence of the library.
-pub(super) fn refused(error: &zerre::Error) -> Diagnostic {
-    Diagnostic::new(error.to_string())
+/// Failure of a model, a sentence of the library; `place` is what it was at work on.
+pub(super) fn refused(place: &str, error: &zerre::Error) -> Diagnostic {
+    Diagnostic::new(format!("{place}: {error}"))
         .help("`zerre track --explain` shows the settings, `zerre catalog` the choices")
 }
 
@@ -81,8 +81,15 @@ impl Settings {
         TrackerSpec { seed, ..self.spec.clone() }
     }
 
-    /// Settles what depends on the recording: dimensions, sensors, and noises that nobody told.
-    pub fn settle(&mut self, plots: &[Plot], has_height: bool, console: &Console) -> Result<(), Diagnostic> {
+    /// Settles what depends on the recording, which is named `from`: dimensions, sensors, and noises that nobody
+    /// told.
+    pub fn settle(
+        &mut self,
+        plots: &[Plot],
+        from: &str,
+        has_height: bool,
+        console: &Console,
+    ) -> Result<(), Diagnostic> {
         self.spec.dimensions = if has_height { 3 } else { 2 };
         self.sensors()?;
         let unknown = self.unknown(plots);
@@ -90,7 +97,9 @@ impl Settings {
             return Ok(());
         }
         let learnt = learn(&self.spec, &unknown, plots).map_err(|error| {
-            refused(&error).help("noises that the configuration gives need not be learnt")
+            let keys: Vec<String> = unknown.iter().map(|unknown| self.key_of(unknown)).collect();
+            let text = format!("give them in a configuration (`zerre init track`): {}", keys.join(", "));
+            Diagnostic::new(format!("{from}: {error}")).help(text)
         })?;
         let how = format!(
             "by maximum likelihood from {} measurements of {}",
@@ -157,6 +166,14 @@ impl Settings {
         match columns.into_iter().find(|column| self.options.columns.contains_key(*column)) {
             Some(column) => self.effective.at_value(&["input", "columns", column], refusal),
             None => refusal,
+        }
+    }
+
+    /// Where the configuration gives a noise.
+    fn key_of(&self, unknown: &Unknown) -> String {
+        match unknown {
+            Unknown::Motion => format!("{} under [motion]", self.spec.motion.wander().0),
+            Unknown::Sensor(name, noise) => format!("{} under [sensor.{name}]", key(*noise)),
         }
     }
 

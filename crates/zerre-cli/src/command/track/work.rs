@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 use zerre::kernels::{Simd, Threads};
-use zerre::track::{Engine, Event, Plot, Row, State, TrackerSpec};
+use zerre::track::{Engine, Event, Row, State, TrackerSpec};
 
 /// Who works. Neither number of threads nor instructions change a result.
 pub(super) struct Workers {
@@ -74,10 +74,11 @@ impl Reference {
 /// Follows all targets.
 pub(super) fn follow(
     spec: &TrackerSpec,
-    plots: &[Plot],
+    input: &Input,
     workers: &Workers,
     console: &Console,
 ) -> Result<Run, Diagnostic> {
+    let plots = &input.plots;
     let mut by_target: BTreeMap<Option<&str>, Vec<usize>> = BTreeMap::new();
     for (index, plot) in plots.iter().enumerate() {
         by_target.entry(plot.id.as_deref()).or_default().push(index);
@@ -87,7 +88,7 @@ pub(super) fn follow(
     targets.sort_by_key(|indices| std::cmp::Reverse(indices.len()));
     let crew = workers.threads.min(targets.len()).max(1);
     let engine = workers.engine(targets.len())?;
-    let states = spec.build(engine.clone()).map_err(|error| refused(&error))?.states();
+    let states = spec.build(engine.clone()).map_err(|error| refused(&input.names(), &error))?.states();
 
     let rows = Mutex::new(vec![None; plots.len()]);
     let places = Mutex::new(vec![None; plots.len()]);
@@ -135,9 +136,8 @@ pub(super) fn follow(
         }
     });
     if let Some((index, error)) = lock(&failure).take() {
-        let plot = &plots[index];
-        let id = plot.id.as_deref().unwrap_or("target");
-        return Err(refused(&error).help(format!("it was line {}, target `{id}`", plot.line)));
+        let id = plots[index].id.as_deref().unwrap_or("target");
+        return Err(refused(&format!("{}, target `{id}`", input.place(index)), &error));
     }
     let (rows, places) = (std::mem::take(&mut *lock(&rows)), std::mem::take(&mut *lock(&places)));
     Ok(Run { states, rows, places, reference: None })
@@ -155,18 +155,19 @@ impl Run {
         if any(&|row| !row.mean.is_empty()) || !any(&|row| row.event == Event::Waiting) {
             return Ok(());
         }
-        let line = input.plots.first().map_or(0, |plot| plot.line);
         Err(Diagnostic::new(format!(
-            "no measurement tells a position (line {line} is the first): bearings, ranges or range rates alone \
-             start no track"
+            "{}: neither this measurement nor another tells a position; bearings, ranges or range rates alone \
+             start no track",
+            input.place(0)
         ))
         .help("say where targets appear: position_m and position_sd_m under [start]"))
     }
 
     /// How many rows of the recordings the plots that were reached are of; a row with two readings is two plots.
-    pub fn rows_followed(&self, plots: &[Plot]) -> u64 {
-        let reached = plots.iter().zip(&self.rows).filter(|(_, row)| row.is_some());
-        let rows: HashSet<_> = reached.map(|(p, _)| (p.line, p.time, &p.id, &p.sensor)).collect();
+    pub fn rows_followed(&self, input: &Input) -> u64 {
+        let plots = input.plots.iter().zip(&input.file_of).zip(&self.rows);
+        let rows: HashSet<_> =
+            plots.filter(|(_, row)| row.is_some()).map(|((plot, file), _)| (file, plot.line)).collect();
         rows.len() as u64
     }
 
@@ -175,7 +176,7 @@ impl Run {
     pub fn against_kalman(
         &self,
         spec: &TrackerSpec,
-        plots: &[Plot],
+        input: &Input,
         workers: &Workers,
         console: &Console,
     ) -> Option<(Reference, Run)> {
@@ -186,7 +187,7 @@ impl Run {
             let mut other = spec.clone();
             other.filter.name = filter.to_owned();
             // Models that are not linear are refused by the exact filter.
-            let Ok(run) = follow(&other, plots, workers, console) else { continue };
+            let Ok(run) = follow(&other, input, workers, console) else { continue };
             let mut reference = Reference { filter, log_evidence: 0.0, own: 0.0, plots: 0 };
             for (own, theirs) in self.rows.iter().zip(&run.rows) {
                 let evidence = |row: &Option<Row>| super::outcome::evidence(row.as_ref()?);
