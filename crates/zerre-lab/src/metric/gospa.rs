@@ -70,6 +70,7 @@ mod tests {
     use super::*;
     use crate::Error;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     const NONE: [[f64; 2]; 0] = [];
 
@@ -145,6 +146,12 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(9),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn is_its_definition_and_the_sum_of_its_shares(e in points(), t in points(), p in 1.0..3.0, c in 0.5..20.0) {
             let found = gospa(&e, &t, p, c).unwrap();

@@ -33,12 +33,12 @@ fn densities_integrate_to_one() {
     assert!((one - 1.0).abs() < 1e-12, "{one}");
     // Outliers of 3 times the size: 16 of their standard deviations of range; the bearing has pi = 3.5 of 0.9, the
     // folded tail being erfc(3.49 / sqrt 2) = 4.8e-4 of 5 %, hence at most 2.5e-5 missing.
-    let mixed = OutlierMixture::new(pair, 0.05, 3.0).unwrap();
+    let mixed = HeavyTailed::outliers(pair, 0.05, 3.0).unwrap();
     let one = mass(&mixed, x, [26.0, -turn], [74.0, turn], [192, 200]);
     assert!((1.0 - 2.5e-5..1.0 + 1e-6).contains(&one), "{one}");
     // The same with bearings fine enough that nothing folds.
     let fine = RangeBearing::new([0.0, 0.0], 0.5, 0.05).unwrap();
-    let mixed = OutlierMixture::new(fine, 0.05, 5.0).unwrap();
+    let mixed = HeavyTailed::outliers(fine, 0.05, 5.0).unwrap();
     let one = mass(&mixed, x, [15.0, -turn], [85.0, turn], [280, 250]);
     assert!((one - 1.0).abs() < 1e-9, "{one}");
     // Even outliers fill the box that they were given.
@@ -62,7 +62,7 @@ fn densities_integrate_to_one() {
 #[test]
 fn student_laws_integrate_to_one() {
     fn radial<const M: usize>(dof: f64) -> f64 {
-        let sensor = StudentT::new(Position::<M>::new(1.0).unwrap(), dof).unwrap();
+        let sensor = HeavyTailed::student_t(Position::<M>::new(1.0).unwrap(), dof).unwrap();
         let area = [2.0, TAU, 2.0 * TAU][M - 1];
         let step = 0.05;
         (0..1300)
@@ -96,6 +96,6 @@ fn covariance_scales_are_posterior_means() {
     }
     let sensor = Position::<2>::new(0.5).unwrap();
     check(&sensor);
-    check(&StudentT::new(sensor, 4.0).unwrap());
-    check(&OutlierMixture::new(sensor, 0.1, 10.0).unwrap());
+    check(&HeavyTailed::student_t(sensor, 4.0).unwrap());
+    check(&HeavyTailed::outliers(sensor, 0.1, 10.0).unwrap());
 }

@@ -29,9 +29,9 @@ fn parameters_out_of_range_are_refused() {
         assert!(RangeRate::new([0.0; 2], [0.0; 2], bad).is_err());
         assert!(measurement::Growth::new(bad).is_err() && measurement::UpfGrowth::new(bad).is_err());
         let unit = Position::<1>::new(1.0).unwrap();
-        assert!(StudentT::<_, 1>::new(unit, bad).is_err());
-        assert!(OutlierMixture::<_, 1>::new(unit, bad, 2.0).is_err());
-        assert!(OutlierMixture::<_, 1>::new(unit, 0.1, bad).is_err());
+        assert!(HeavyTailed::<_, 1>::student_t(unit, bad).is_err());
+        assert!(HeavyTailed::<_, 1>::outliers(unit, bad, 2.0).is_err());
+        assert!(HeavyTailed::<_, 1>::outliers(unit, 0.1, bad).is_err());
         assert!(
             UniformOutliers::new(unit, bad, 1.0).is_err() && UniformOutliers::new(unit, 0.1, bad).is_err()
         );
@@ -66,8 +66,8 @@ fn values_out_of_range_are_refused() {
     }
     let pair = RangeBearing::new([0.0, 0.0], 1.0, 0.1).unwrap();
     refuses(&pair, [1.0, 2.0], true);
-    refuses(&StudentT::<_, 2>::new(pair, 3.0).unwrap(), [1.0, 2.0], true);
-    refuses(&OutlierMixture::<_, 2>::new(pair, 0.1, 3.0).unwrap(), [1.0, 2.0], true);
+    refuses(&HeavyTailed::<_, 2>::student_t(pair, 3.0).unwrap(), [1.0, 2.0], true);
+    refuses(&HeavyTailed::<_, 2>::outliers(pair, 0.1, 3.0).unwrap(), [1.0, 2.0], true);
     refuses(&UniformOutliers::new(pair, 0.1, 3.0).unwrap(), [1.0, 2.0], true);
     refuses(&RangeBearingElevation::new([0.0; 3], 1.0, 0.1, 0.1).unwrap(), [1.0, 2.0, 0.5], true);
     refuses(&RangeOnly::new([0.0; 3], 1.0).unwrap(), [1.0], true);

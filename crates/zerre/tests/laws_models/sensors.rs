@@ -103,10 +103,10 @@ macro_rules! with_every_robust_sensor {
         let plane = [3.0, -2.0, 1.5, 0.8];
         let pair = RangeBearing::new([0.0, 0.0], 0.4, 0.05).unwrap();
         vec![
-            $law(&StudentT::new(pair, 3.0).unwrap(), [3.4, -0.5], plane),
-            $law(&StudentT::new(pair, 1e9).unwrap(), [3.4, -0.5], plane),
-            $law(&OutlierMixture::new(pair, 0.1, 10.0).unwrap(), [3.4, -0.5], plane),
-            $law(&OutlierMixture::new(pair, 0.1, 10.0).unwrap(), [6.0, 0.5], plane),
+            $law(&HeavyTailed::student_t(pair, 3.0).unwrap(), [3.4, -0.5], plane),
+            $law(&HeavyTailed::student_t(pair, 1e9).unwrap(), [3.4, -0.5], plane),
+            $law(&HeavyTailed::outliers(pair, 0.1, 10.0).unwrap(), [3.4, -0.5], plane),
+            $law(&HeavyTailed::outliers(pair, 0.1, 10.0).unwrap(), [6.0, 0.5], plane),
         ]
     }};
 }
@@ -131,7 +131,7 @@ fn sensors_have_the_normal_density() {
 
 fn student_error(dof: f64) -> f64 {
     let pair = RangeBearing::new([0.0, 0.0], 0.4, 0.05).unwrap();
-    let heavy = StudentT::new(pair, dof).unwrap();
+    let heavy = HeavyTailed::student_t(pair, dof).unwrap();
     let (z, x) = ([3.4, -0.5], [3.0, -2.0]);
     let normal = <RangeBearing as Measurement<2>>::log_likelihood(
         &Measurement::<2>::given(&pair, &z, Time::ZERO).unwrap(),

@@ -65,8 +65,9 @@ fn measurements_have_the_law_of_the_sensor() {
     // mixture 1 - e + e s^2 and 3 (1 - e + e s^4).
     let line = vec![[0.0]; n];
     let unit = Position::<1>::new(1.0).unwrap();
-    let student = simulate::measurements(&StudentT::new(unit, 12.0).unwrap(), &line, &times, Stream::new(4));
-    let mixture = OutlierMixture::new(unit, 0.1, 5.0).unwrap();
+    let student =
+        simulate::measurements(&HeavyTailed::student_t(unit, 12.0).unwrap(), &line, &times, Stream::new(4));
+    let mixture = HeavyTailed::outliers(unit, 0.1, 5.0).unwrap();
     let mixture = simulate::measurements(&mixture, &line, &times, Stream::new(4));
     for (z, second, fourth) in [(student, 1.2, 5.4), (mixture, 0.9 + 2.5, 3.0 * (0.9 + 62.5))] {
         let squares: Vec<f64> = z.unwrap().iter().map(|[z]| z * z).collect();
