@@ -141,7 +141,9 @@ mod tests {
             })
         ) {
             let found = assign(&cost, rows, columns).unwrap();
-            prop_assert!((found.cost - brute_force(&cost, rows, columns)).abs() < 1e-9);
+            // Two sums of at most five numbers below 100, each with four roundings of half an ulp of at most 500.
+            let rounding = 8.0 * 0.5 * 500.0 * f64::EPSILON;
+            prop_assert!((found.cost - brute_force(&cost, rows, columns)).abs() <= rounding);
             let mut seen: Vec<usize> = found.column_of_row.iter().flatten().copied().collect();
             prop_assert_eq!(seen.len(), rows.min(columns));
             seen.sort_unstable();
