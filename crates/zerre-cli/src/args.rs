@@ -221,6 +221,7 @@ Examples:
 
 Targets are compared by id where ids agree; otherwise each instant pairs estimates and truth by GOSPA.
 Positions are compared in the plane, in metres; truth is taken on the straight line between its points.
+`zerre track --truth` scores in the same way, with the defaults of these options.
 `zerre catalog metrics` lists the metrics with their units.";
 
 /// Score estimates against truth

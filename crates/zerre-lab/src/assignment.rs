@@ -101,6 +101,7 @@ fn match_rows(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     /// The least cost over all ways to pair every member of the shorter side.
     fn brute_force(cost: &[f64], rows: usize, columns: usize) -> f64 {
@@ -127,6 +128,12 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(11),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn is_the_best_of_all_pairings(
             (rows, columns, cost) in (0_usize..6, 0_usize..6).prop_flat_map(|(r, c)| {
@@ -134,7 +141,9 @@ mod tests {
             })
         ) {
             let found = assign(&cost, rows, columns).unwrap();
-            prop_assert!((found.cost - brute_force(&cost, rows, columns)).abs() < 1e-9);
+            // Two sums of at most five numbers below 100, each with four roundings of half an ulp of at most 500.
+            let rounding = 8.0 * 0.5 * 500.0 * f64::EPSILON;
+            prop_assert!((found.cost - brute_force(&cost, rows, columns)).abs() <= rounding);
             let mut seen: Vec<usize> = found.column_of_row.iter().flatten().copied().collect();
             prop_assert_eq!(seen.len(), rows.min(columns));
             seen.sort_unstable();

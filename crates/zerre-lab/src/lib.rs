@@ -11,5 +11,6 @@ pub mod error;
 pub mod metric;
 pub mod report;
 pub mod scenario;
+pub mod score;
 
 pub use error::{Error, Result};

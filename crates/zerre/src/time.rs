@@ -142,6 +142,7 @@ impl fmt::Display for Time {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     #[test]
     fn decimal_text_is_exact() {
@@ -155,6 +156,12 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(5),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn text_reads_back(nanos in any::<i64>()) {
             prop_assume!(nanos != i64::MIN);

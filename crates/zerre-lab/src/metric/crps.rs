@@ -75,6 +75,7 @@ mod tests {
     use super::super::test_noise::Noise;
     use super::*;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     /// E|X - y| - E|X - X'| / 2, the definition by pairs, O(n^2).
     fn by_pairs(values: &[f64], weights: &[f64], truth: f64) -> f64 {
@@ -90,13 +91,21 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(8),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn is_the_definition_by_pairs(
             sample in prop::collection::vec((-5.0..5.0, 0.01..3.0), 1..20), truth in -8.0..8.0
         ) {
             let (values, weights): (Vec<f64>, Vec<f64>) = sample.into_iter().unzip();
             let found = crps_sample(&values, &weights, truth).unwrap();
-            prop_assert!((found - by_pairs(&values, &weights, truth)).abs() < 1e-12);
+            // 420 terms below 13, whose shares sum to 3/2: as many roundings of half an ulp of a sum below 20.
+            let rounding = 420.0 * 0.5 * 20.0 * f64::EPSILON;
+            prop_assert!((found - by_pairs(&values, &weights, truth)).abs() < rounding);
         }
     }
 

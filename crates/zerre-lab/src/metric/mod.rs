@@ -99,6 +99,9 @@ fn row<'a>(what: &'static str, index: usize, row: &'a [f64], expected: usize) ->
 }
 
 /// `e' C^-1 e` through the Cholesky factor of `covariance`; `index` is the place for the message.
+///
+/// What is left of a variance once the components before it are known carries the rounding of `d` products of the
+/// size of the variance. Below that it is no number to divide by: the covariance is singular as far as it is known.
 fn squared_mahalanobis(error: &[f64], covariance: &[f64], index: usize) -> Result<f64> {
     let d = error.len();
     let covariance = row("numbers of a covariance", index, covariance, d * d)?;
@@ -115,7 +118,7 @@ fn squared_mahalanobis(error: &[f64], covariance: &[f64], index: usize) -> Resul
             let dot: f64 = (0..j).map(|k| factor[i * d + k] * factor[j * d + k]).sum();
             let rest = lower - dot;
             if i == j {
-                if rest.is_nan() || rest <= 0.0 {
+                if rest.is_nan() || rest <= 4.0 * d as f64 * f64::EPSILON * lower {
                     return Err(Error::NotPositiveDefinite { index, row: i });
                 }
                 factor[i * d + i] = rest.sqrt();
@@ -127,6 +130,19 @@ fn squared_mahalanobis(error: &[f64], covariance: &[f64], index: usize) -> Resul
         whitened[i] = (error[i] - dot) / factor[i * d + i];
     }
     Ok(whitened.iter().map(|w| w * w).sum())
+}
+
+/// [`squared_mahalanobis`], or `None` where the covariance is not positive definite.
+pub(crate) fn squared_mahalanobis_if_definite(
+    error: &[f64],
+    covariance: &[f64],
+    index: usize,
+) -> Result<Option<f64>> {
+    match squared_mahalanobis(error, covariance, index) {
+        Ok(value) => Ok(Some(value)),
+        Err(Error::NotPositiveDefinite { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// Euclidean distance of two rows of the same length.
@@ -214,6 +230,10 @@ mod tests {
         let refused = |c: &[f64]| squared_mahalanobis(&e, c, 7);
         assert_eq!(refused(&[1.0, 2.0, 2.0, 1.0]), Err(Error::NotPositiveDefinite { index: 7, row: 1 }));
         assert_eq!(refused(&[1.0, 0.5, 0.0, 1.0]), Err(Error::NotPositiveDefinite { index: 7, row: 1 }));
+        // On a line up to rounding: two particles at (0, 0) and (0.1, 0.3).
+        let line = [0.1 * 0.1, 0.1 * 0.3, 0.1 * 0.3, 0.3 * 0.3 * (1.0 + f64::EPSILON)];
+        assert_eq!(refused(&line), Err(Error::NotPositiveDefinite { index: 7, row: 1 }));
+        assert_eq!(refused(&[0.0; 4]), Err(Error::NotPositiveDefinite { index: 7, row: 0 }));
         assert!(matches!(refused(&[1.0, 0.0, 1.0]), Err(Error::Shape { found: 3, expected: 4, .. })));
         assert!(matches!(refused(&[1.0, 0.0, 0.0, f64::NAN]), Err(Error::NotFinite { index: 7, .. })));
     }

@@ -203,6 +203,7 @@ mod tests {
     use super::*;
     use crate::metric::test_noise::Noise;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     fn track(id: &str, rows: usize, noise: &mut Noise) -> TrackSeries {
         let mut series = TrackSeries {
@@ -350,6 +351,12 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(10),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         /// Lists of any length with any numbers in them: a page all the same.
         #[test]
         fn anything_gives_a_page(

@@ -53,6 +53,12 @@ impl<const N: usize, const W: usize> MotionTangent<N, W> {
     pub(crate) fn noise_covariance(&self, variance: f64) -> Matrix<N, N> {
         self.by_noise.congruence(&(Matrix::identity() * variance))
     }
+
+    /// What becomes of a Gaussian with its mean at the point, w having this `variance`.
+    pub(super) fn propagate(&self, variance: f64, state: &Gaussian<N>) -> Result<Gaussian<N>> {
+        let covariance = self.by_state.congruence(state.covariance()) + self.noise_covariance(variance);
+        Gaussian::computed("predicted mean", "predicted covariance", self.value, covariance)
+    }
 }
 
 /// h and its Jacobian at a point.
@@ -65,6 +71,19 @@ pub(crate) fn measurement_tangent<H: GaussianMeasurement<N, M>, const N: usize, 
     (z.map(|d| d.value), Matrix(z.map(|d| d.gradient)))
 }
 
+/// What is seen of a Gaussian through h and its Jacobian at the mean.
+pub(super) fn observed<const N: usize, const M: usize>(
+    (mean, jacobian): ([f64; M], Matrix<M, N>),
+    state: &Gaussian<N>,
+) -> Observed<N, M> {
+    Observed {
+        mean,
+        covariance: jacobian.congruence(state.covariance()),
+        cross: *state.covariance() * jacobian.transpose(),
+        deviations: Deviations::Linear(jacobian),
+    }
+}
+
 impl Transform for Tangent {
     fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
         &self,
@@ -73,10 +92,8 @@ impl Transform for Tangent {
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>> {
         let noise = motion.noise();
-        let tangent = MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W]);
-        let covariance =
-            tangent.by_state.congruence(state.covariance()) + tangent.noise_covariance(noise.variance());
-        Gaussian::computed("predicted mean", "predicted covariance", tangent.value, covariance)
+        MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W])
+            .propagate(noise.variance(), state)
     }
 
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
@@ -85,12 +102,6 @@ impl Transform for Tangent {
         at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>> {
-        let (mean, jacobian) = measurement_tangent(measurement, at, state.mean());
-        Ok(Observed {
-            mean,
-            covariance: jacobian.congruence(state.covariance()),
-            cross: *state.covariance() * jacobian.transpose(),
-            deviations: Deviations::Linear(jacobian),
-        })
+        Ok(observed(measurement_tangent(measurement, at, state.mean()), state))
     }
 }

@@ -1,6 +1,6 @@
 //! The Kalman filter: exact, or refused.
 
-use super::extended::{MotionTangent, Tangent, measurement_tangent};
+use super::extended::{MotionTangent, measurement_tangent, observed};
 use super::gaussian::{GaussianFilter, Observed, Transform};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
@@ -62,12 +62,13 @@ impl Transform for Linear {
         step: &A::Step,
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>> {
-        let here = MotionTangent::<N, W>::at::<A>(step, state.mean(), &[motion.noise().mean(); W]);
+        let noise = motion.noise();
+        let here = MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W]);
         let there = MotionTangent::<N, W>::at::<A>(step, &off(state), &from_fn(|i| 1.0 + i as f64));
         if !(same(&here.by_state, &there.by_state) && same(&here.by_noise, &there.by_noise)) {
             return refuse("a nonlinear motion");
         }
-        Tangent.propagate(motion, step, state)
+        here.propagate(noise.variance(), state)
     }
 
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
@@ -76,12 +77,12 @@ impl Transform for Linear {
         at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>> {
-        let (_, here) = measurement_tangent(measurement, at, state.mean());
+        let here = measurement_tangent(measurement, at, state.mean());
         let (_, there) = measurement_tangent(measurement, at, &off(state));
-        if !same(&here, &there) {
+        if !same(&here.1, &there) {
             return refuse("a nonlinear measurement");
         }
-        Tangent.observe(measurement, at, state)
+        Ok(observed(here, state))
     }
 }
 

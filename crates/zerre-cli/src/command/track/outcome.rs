@@ -7,7 +7,7 @@ use super::settings::{Settings, counted};
 use super::work::Run;
 use crate::diagnostic::Diagnostic;
 use crate::run::{EstimatesDigest, Record};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -274,8 +274,11 @@ impl Outcome {
             "log_evidence": self.log_evidence,
             "estimates_digest": record.estimates_digest,
         });
-        if let (Some(scores), Value::Object(map)) = (&scores.values, &mut document) {
-            map.insert("scores".to_owned(), json!(scores));
+        if let (Some(found), Value::Object(map)) = (&scores.found, &mut document) {
+            let keys: Map<_, _> = found.scores.iter().map(|s| (s.key.to_owned(), json!(s.value))).collect();
+            map.insert("association".to_owned(), json!(found.association));
+            map.insert("instants".to_owned(), json!(found.instants));
+            map.insert("scores".to_owned(), Value::Object(keys));
         }
         document
     }
@@ -315,8 +318,14 @@ impl Outcome {
             };
             lines.push(("consistency", format!("{}: {verdict}", sensor.name)));
         }
-        for (name, value) in scores.values.iter().flatten() {
-            lines.push((name, format!("{value:.3}")));
+        if let Some(found) = &scores.found {
+            lines.push(("scores", found.sentence()));
+            lines.extend(
+                found
+                    .scores
+                    .iter()
+                    .map(|s| (s.key, format!("{:.3} {}", s.value, s.unit).trim_end().to_owned())),
+            );
         }
         lines.push(("report", page.display().to_string()));
         let width = lines.iter().map(|(name, _)| name.len()).max().unwrap_or(0);

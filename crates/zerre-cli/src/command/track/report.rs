@@ -106,21 +106,27 @@ pub(super) fn pages(
             missing: record.counts.missing,
             rejected: rejected(input),
         },
-        scores: scores
-            .values
-            .iter()
-            .flatten()
-            .map(|(name, value)| {
-                let metres = name.ends_with("_m") || name.starts_with("gospa");
-                let unit = if metres { "m" } else { "" };
-                let name = name.trim_end_matches("_m").replace('_', " ");
-                Score { name, value: *value, unit: unit.to_owned() }
-            })
-            .collect(),
+        scores: tiles(scores),
         config_text: settings.effective.to_string(),
         digest: record.estimates_digest.clone().unwrap_or_default(),
     };
     (render(&report), plan_svg(&report))
+}
+
+/// The scores, and how many estimates some of them leave out.
+fn tiles(scores: &Scores) -> Vec<Score> {
+    let Some(found) = &scores.found else { return Vec::new() };
+    let tile = |name: String, value, unit: &str| Score { name, value, unit: unit.to_owned() };
+    let mut tiles: Vec<_> = found
+        .scores
+        .iter()
+        .map(|s| tile(s.key.trim_end_matches("_m").replace('_', " "), s.value, s.unit))
+        .collect();
+    if found.instants.singular > 0 {
+        let unit = "estimates, left out of nees and coverage";
+        tiles.push(tile("singular covariances".to_owned(), found.instants.singular as f64, unit));
+    }
+    tiles
 }
 
 fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {

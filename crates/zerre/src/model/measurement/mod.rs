@@ -24,9 +24,7 @@ pub use range_bearing::{RangeBearing, RangeBearingGiven};
 pub use range_bearing_elevation::{RangeBearingElevation, RangeBearingElevationGiven};
 pub use range_only::{RangeOnly, RangeOnlyGiven};
 pub use range_rate::{RangeRate, RangeRateGiven};
-pub use robust::{
-    OutlierMixture, OutlierMixtureGiven, StudentT, StudentTGiven, UniformOutliers, UniformOutliersGiven,
-};
+pub use robust::{HeavyTailed, HeavyTailedGiven, UniformOutliers, UniformOutliersGiven};
 pub use upf_growth::{UpfGrowth, UpfGrowthGiven};
 
 use crate::error::{Error, Result};

@@ -7,153 +7,125 @@ use crate::model::{GaussianMeasurement, Measurement};
 use crate::rng::Draws;
 use crate::time::Time;
 
-/// Student-t noise with the scale matrix R of the wrapped sensor: v ~ N(0, s R) with 1 / s ~ Gamma(nu / 2, nu / 2).
-/// Its covariance is R nu / (nu - 2) for nu > 2; [`GaussianMeasurement::covariance`] gives R.
-///
-/// Source: M. Roth, E. Özkan and F. Gustafsson, *A Student's t filter for heavy tailed process and measurement
-/// noise*, ICASSP 2013.
+/// A sensor whose noise keeps its shape R but has tails of its own: v ~ N(0, s R) with random s.
+/// [`GaussianMeasurement::covariance`] gives R.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StudentT<H, const M: usize> {
+pub struct HeavyTailed<H, const M: usize> {
     sensor: H,
-    dof: f64,
+    law: Law,
 }
 
-/// A measurement with Student-t noise, digested.
+/// The law of s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Law {
+    /// s = 1.
+    Normal,
+    /// 1 / s ~ Gamma(dof / 2, dof / 2).
+    StudentT { dof: f64 },
+    /// s = `scale`^2 with `probability`, else 1.
+    Outliers { probability: f64, scale: f64 },
+}
+
+/// A measurement with heavy tails, digested.
 #[derive(Clone, Copy, Debug)]
-pub struct StudentTGiven<G> {
+pub struct HeavyTailedGiven<G> {
     normal: G,
-    peak: f64,
-    constant: f64,
-    per_dof: f64,
-    half_power: f64,
+    law: LawGiven,
 }
 
-impl<H, const M: usize> StudentT<H, M> {
-    /// Gives `sensor` noise of `dof` degrees of freedom: 1 is Cauchy's law, 3 to 5 the usual choice, infinity would
-    /// be the normal law.
+/// The law of s, digested. It is the same for all states, so a kernel tells it apart once.
+#[derive(Clone, Copy, Debug)]
+enum LawGiven {
+    Normal,
+    StudentT { peak: f64, constant: f64, per_dof: f64, half_power: f64 },
+    Outliers { log_inlier: f64, per_scale2: f64, broad: f64 },
+}
+
+impl<H, const M: usize> HeavyTailed<H, M> {
+    /// Leaves `sensor` its normal law: for laws that are chosen at run time.
+    pub fn normal(sensor: H) -> Self {
+        HeavyTailed { sensor, law: Law::Normal }
+    }
+
+    /// Gives `sensor` Student-t noise of `dof` degrees of freedom: 1 is Cauchy's law, 3 to 5 the usual choice,
+    /// infinity would be the normal law. Its covariance is R nu / (nu - 2) for nu > 2.
+    ///
+    /// Source: M. Roth, E. Özkan and F. Gustafsson, *A Student's t filter for heavy tailed process and measurement
+    /// noise*, ICASSP 2013.
     ///
     /// # Errors
     /// `dof` not positive and finite.
-    pub fn new(sensor: H, dof: f64) -> Result<Self> {
-        Ok(StudentT { sensor, dof: Error::positive("degrees of freedom", dof)? })
-    }
-}
-
-impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> Measurement<N> for StudentT<H, M> {
-    type Value = H::Value;
-    type Given<'z>
-        = StudentTGiven<H::Given<'z>>
-    where
-        H: 'z;
-
-    fn given<'z>(&'z self, z: &'z H::Value, at: Time) -> Result<Self::Given<'z>> {
-        let peak = log_peak(&self.sensor)?;
-        let half_m = 0.5 * M as f64;
-        Ok(StudentTGiven {
-            normal: self.sensor.given(z, at)?,
-            peak,
-            constant: peak + ln_gamma_step(0.5 * self.dof, M) - half_m * Real::ln(0.5 * self.dof),
-            per_dof: 1.0 / self.dof,
-            half_power: 0.5 * self.dof + half_m,
-        })
+    pub fn student_t(sensor: H, dof: f64) -> Result<Self> {
+        let dof = Error::positive("degrees of freedom", dof)?;
+        Ok(HeavyTailed { sensor, law: Law::StudentT { dof } })
     }
 
-    #[inline(always)]
-    fn log_likelihood<R: Real>(given: &Self::Given<'_>, x: [R; N]) -> R {
-        let distance2 = (H::log_likelihood(&given.normal, x) - given.peak) * -2.0;
-        ln_1p(distance2 * given.per_dof) * -given.half_power + given.constant
-    }
-}
-
-impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasurement<N, M>
-    for StudentT<H, M>
-{
-    const ANGLE: [bool; M] = H::ANGLE;
-
-    #[inline(always)]
-    fn predict<R: Real>(&self, at: Time, x: [R; N]) -> [R; M] {
-        self.sensor.predict(at, x)
-    }
-
-    fn components(&self, z: &H::Value) -> [f64; M] {
-        self.sensor.components(z)
-    }
-
-    fn covariance(&self) -> [[f64; M]; M] {
-        self.sensor.covariance()
-    }
-
-    /// (nu + d^2) / (nu + M).
-    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
-        (self.dof + mahalanobis_squared) / (self.dof + M as f64)
-    }
-
-    fn draw_covariance_scale(&self, draws: &mut Draws) -> f64 {
-        0.5 * self.dof / draws.gamma(0.5 * self.dof)
-    }
-}
-
-/// Noise that is now and then broad: with probability `probability` the standard deviations of the wrapped sensor
-/// are `scale` times as large (Tukey's contaminated normal law, 1960).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OutlierMixture<H, const M: usize> {
-    sensor: H,
-    probability: f64,
-    scale: f64,
-}
-
-/// A measurement with mixed noise, digested.
-#[derive(Clone, Copy, Debug)]
-pub struct OutlierMixtureGiven<G> {
-    normal: G,
-    log_inlier: f64,
-    per_scale2: f64,
-    broad: f64,
-}
-
-impl<H, const M: usize> OutlierMixture<H, M> {
-    /// Gives `sensor` outliers with `probability`, whose standard deviations are `scale` times the usual ones.
+    /// Gives `sensor` noise that is now and then broad: with `probability` the standard deviations are `scale` times
+    /// the usual ones (Tukey's contaminated normal law, 1960).
     ///
     /// # Errors
     /// `probability` not between 0 and 1 (both excluded), `scale` not finite or not above 1.
-    pub fn new(sensor: H, probability: f64, scale: f64) -> Result<Self> {
+    pub fn outliers(sensor: H, probability: f64, scale: f64) -> Result<Self> {
         let what = "scale of the outliers";
         if Error::finite(what, scale)? <= 1.0 {
             return Err(Error::OutOfRange { what, value: scale, needs: "it must be above 1" });
         }
-        Ok(OutlierMixture { sensor, probability: outlier_probability(probability)?, scale })
+        let probability = outlier_probability(probability)?;
+        Ok(HeavyTailed { sensor, law: Law::Outliers { probability, scale } })
     }
 }
 
-impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> Measurement<N> for OutlierMixture<H, M> {
+impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> Measurement<N> for HeavyTailed<H, M> {
     type Value = H::Value;
     type Given<'z>
-        = OutlierMixtureGiven<H::Given<'z>>
+        = HeavyTailedGiven<H::Given<'z>>
     where
         H: 'z;
 
     fn given<'z>(&'z self, z: &'z H::Value, at: Time) -> Result<Self::Given<'z>> {
-        let peak = log_peak(&self.sensor)?;
-        let per_scale2 = 1.0 / (self.scale * self.scale);
-        Ok(OutlierMixtureGiven {
-            normal: self.sensor.given(z, at)?,
-            log_inlier: Real::ln(1.0 - self.probability),
-            per_scale2,
-            // ln p(broad) = peak - M ln scale + (ln p - peak) / scale^2.
-            broad: Real::ln(self.probability) + peak * (1.0 - per_scale2) - M as f64 * Real::ln(self.scale),
-        })
+        let law = match self.law {
+            Law::Normal => LawGiven::Normal,
+            Law::StudentT { dof } => {
+                let (peak, half_m) = (log_peak(&self.sensor)?, 0.5 * M as f64);
+                LawGiven::StudentT {
+                    peak,
+                    constant: peak + ln_gamma_step(0.5 * dof, M) - half_m * Real::ln(0.5 * dof),
+                    per_dof: 1.0 / dof,
+                    half_power: 0.5 * dof + half_m,
+                }
+            }
+            Law::Outliers { probability, scale } => {
+                let (peak, per_scale2) = (log_peak(&self.sensor)?, 1.0 / (scale * scale));
+                LawGiven::Outliers {
+                    log_inlier: Real::ln(1.0 - probability),
+                    per_scale2,
+                    // ln p(broad) = peak - M ln scale + (ln p - peak) / scale^2.
+                    broad: Real::ln(probability) + peak * (1.0 - per_scale2) - M as f64 * Real::ln(scale),
+                }
+            }
+        };
+        Ok(HeavyTailedGiven { normal: self.sensor.given(z, at)?, law })
     }
 
     #[inline(always)]
     fn log_likelihood<R: Real>(given: &Self::Given<'_>, x: [R; N]) -> R {
         let normal = H::log_likelihood(&given.normal, x);
-        let broad = normal * given.per_scale2 + given.broad;
-        (normal + given.log_inlier).log_add_exp(broad)
+        match given.law {
+            LawGiven::Normal => normal,
+            LawGiven::StudentT { peak, constant, per_dof, half_power } => {
+                let distance2 = (normal - peak) * -2.0;
+                ln_1p(distance2 * per_dof) * -half_power + constant
+            }
+            LawGiven::Outliers { log_inlier, per_scale2, broad } => {
+                let broad = normal * per_scale2 + broad;
+                (normal + log_inlier).log_add_exp(broad)
+            }
+        }
     }
 }
 
 impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasurement<N, M>
-    for OutlierMixture<H, M>
+    for HeavyTailed<H, M>
 {
     const ANGLE: [bool; M] = H::ANGLE;
 
@@ -170,18 +142,33 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
         self.sensor.covariance()
     }
 
-    /// 1 / (p + (1 - p) / scale^2), where p is the posterior probability of an ordinary value.
     fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
-        let per_scale2 = 1.0 / (self.scale * self.scale);
-        let log_odds = Real::ln(self.probability / (1.0 - self.probability))
-            - M as f64 * Real::ln(self.scale)
-            + 0.5 * mahalanobis_squared * (1.0 - per_scale2);
-        let ordinary = 1.0 / (1.0 + Real::exp(log_odds));
-        1.0 / (ordinary + (1.0 - ordinary) * per_scale2)
+        match self.law {
+            Law::Normal => 1.0,
+            Law::StudentT { dof } => (dof + mahalanobis_squared) / (dof + M as f64),
+            // 1 / (p + (1 - p) / scale^2), where p is the posterior probability of an ordinary value.
+            Law::Outliers { probability, scale } => {
+                let per_scale2 = 1.0 / (scale * scale);
+                let log_odds = Real::ln(probability / (1.0 - probability)) - M as f64 * Real::ln(scale)
+                    + 0.5 * mahalanobis_squared * (1.0 - per_scale2);
+                let ordinary = 1.0 / (1.0 + Real::exp(log_odds));
+                1.0 / (ordinary + (1.0 - ordinary) * per_scale2)
+            }
+        }
     }
 
     fn draw_covariance_scale(&self, draws: &mut Draws) -> f64 {
-        if draws.uniform() < self.probability { self.scale * self.scale } else { 1.0 }
+        match self.law {
+            Law::Normal => 1.0,
+            Law::StudentT { dof } => 0.5 * dof / draws.gamma(0.5 * dof),
+            Law::Outliers { probability, scale } => {
+                if draws.uniform() < probability {
+                    scale * scale
+                } else {
+                    1.0
+                }
+            }
+        }
     }
 }
 
