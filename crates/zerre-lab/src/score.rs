@@ -138,9 +138,13 @@ pub struct Scores {
     pub scores: Vec<Score>,
 }
 
-/// The identity in the truth: the second track of a target is called `id#2`.
+/// The identity in the truth: the second track of target `A` is called `A#2`, and the first one of a target `A#2` is
+/// `A#2#1`.
 pub fn target_of<'a>(id: &'a str, truth: &BTreeMap<Arc<str>, impl Sized>) -> &'a str {
-    if truth.contains_key(id) { id } else { id.split_once('#').map_or(id, |(target, _)| target) }
+    match id.rsplit_once('#') {
+        Some((target, track)) if track.parse::<u32>().is_ok() && truth.contains_key(target) => target,
+        _ => id,
+    }
 }
 
 /// Scores `estimates` against `truth`: by identity if any agrees, else the only one against the only one, else by
@@ -340,6 +344,22 @@ mod tests {
     }
 
     const UNIT: Option<[f64; 3]> = Some([1.0, 0.0, 1.0]);
+
+    #[test]
+    fn a_later_track_is_of_the_target_before_its_number() {
+        let truth: BTreeMap<Arc<str>, ()> = ["A", "A#2", "bus #12"].map(|id| (id.into(), ())).into();
+        let pairs = [
+            ("A", "A"),
+            ("A#2", "A"),
+            ("A#2#1", "A#2"),
+            ("bus #12#1", "bus #12"),
+            ("A#x", "A#x"),
+            ("B#2", "B#2"),
+        ];
+        for (id, target) in pairs {
+            assert_eq!(target_of(id, &truth), target);
+        }
+    }
 
     #[test]
     fn of_estimates_of_one_time_the_last_holds() {

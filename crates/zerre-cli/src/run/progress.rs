@@ -45,7 +45,8 @@ impl Progress {
         bar.set_style(style);
         bar.set_message(self.what);
         bar.set_position(self.done);
-        bar
+        // What was done before the bar appeared counts for its forecast.
+        bar.with_elapsed(self.since.elapsed())
     }
 }
 

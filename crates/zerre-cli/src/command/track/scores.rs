@@ -10,7 +10,7 @@ use crate::diagnostic::Diagnostic;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use zerre_io::{LocalFrame, Options, Trajectories, Trajectory};
-use zerre_lab::score::{Point, Rules, Way, score as score_ways, target_of};
+use zerre_lab::score::{Association, Point, Rules, Way, score as score_ways, target_of};
 
 /// Scores, and the truth that they are against.
 #[derive(Default)]
@@ -20,10 +20,14 @@ pub(super) struct Scores {
 }
 
 impl Scores {
-    /// The true way of a target: the one of its identity, or the only one there is.
+    /// The true way that a target was scored against, where identities or the lack of a choice decide on it.
     pub fn way(&self, id: &str) -> Option<&Trajectory> {
         let truth = &self.truth.as_ref()?.by_id;
-        truth.get(target_of(id, truth)).or_else(|| truth.values().next().filter(|_| truth.len() == 1))
+        match self.found.as_ref()?.association {
+            Association::Id => truth.get(target_of(id, truth)),
+            Association::Only => truth.values().next(),
+            Association::Gospa => None,
+        }
     }
 }
 
