@@ -496,7 +496,7 @@ mod tests {
             for _ in 0..sources {
                 end += u64::from(draws.next_u32() % (longest + 1));
                 // Now and then one step back, as rounding of sums may have it.
-                ends.push(if draws.next_u32() % 16 == 0 { end.saturating_sub(1) } else { end });
+                ends.push(if draws.next_u32().is_multiple_of(16) { end.saturating_sub(1) } else { end });
             }
             // Shorter than the ends, as long, and with places that nobody fills.
             for len in [(end / 2) as usize, end as usize, end as usize + 5] {
@@ -520,7 +520,7 @@ mod tests {
                 let mut sum = 0.0;
                 let mut sums: Vec<f64> = Vec::new();
                 for _ in 0..n {
-                    sum += if zeros && draws.next_u32() % 3 == 0 { 0.0 } else { draws.uniform() };
+                    sum += if zeros && draws.next_u32().is_multiple_of(3) { 0.0 } else { draws.uniform() };
                     sums.push(sum);
                 }
                 sums.push(f64::INFINITY);
