@@ -34,6 +34,8 @@ pub enum Purpose {
     Truth = 6,
     /// Anything else of the caller.
     Other = 5,
+    /// Modes of a Markov chain.
+    Mode = 7,
     /// Deriving keys.
     Fork = 255,
 }

@@ -165,13 +165,7 @@ where
     /// # Errors
     /// A step back in time, a model that refuses its parameters, a prediction that is not finite.
     pub fn predict(&self, state: &Gaussian<N>, from: Time, to: Time) -> Result<Gaussian<N>> {
-        match to.cmp(&from) {
-            std::cmp::Ordering::Less => Err(Error::OutOfOrder { from, to }),
-            std::cmp::Ordering::Equal => Ok(*state),
-            std::cmp::Ordering::Greater => {
-                self.transform.propagate(&self.motion, &self.motion.over(from, to)?, state)
-            }
-        }
+        predict_law(&self.transform, &self.motion, state, from, to)
     }
 
     /// The law of the state after `z`, measured at `at`, and what became of `z`. Where it was not used, the law is
@@ -180,69 +174,94 @@ where
     /// # Errors
     /// A measurement that is not finite, a model that refuses its parameters.
     pub fn update(&self, state: &Gaussian<N>, z: &H::Value, at: Time) -> Result<(Gaussian<N>, Update)> {
-        let given = self.measurement.given(z, at)?;
-        let z = self.measurement.components(z);
-        for component in z {
-            Error::finite("measurement", component)?;
-        }
-        let nominal = Matrix(self.measurement.covariance());
-        nominal.finite("covariance of the measurement")?;
-        let observed = self.transform.observe(&self.measurement, at, state)?;
-        let innovation = innovation::<H, N, M>(&z, &observed.mean);
+        update_law(&self.transform, &self.measurement, self.gate, state, z, at)
+    }
+}
 
-        let unused = |outcome, log_evidence| Ok((*state, Update { outcome, log_evidence, particles: None }));
-        let degenerate = || unused(Outcome::Degenerate, f64::NEG_INFINITY);
-        let assess = |noise: &Matrix<M, M>| {
-            let factor =
-                Cholesky::of("covariance of the innovation", &(observed.covariance + *noise)).ok()?;
-            let log_evidence = log_density(&innovation, &factor);
-            log_evidence.is_finite().then_some((factor, log_evidence))
-        };
+/// [`GaussianFilter::predict`] for a transform and a motion.
+pub(crate) fn predict_law<T: Transform, A: Motion<N, W>, const N: usize, const W: usize>(
+    transform: &T,
+    motion: &A,
+    state: &Gaussian<N>,
+    from: Time,
+    to: Time,
+) -> Result<Gaussian<N>> {
+    match to.cmp(&from) {
+        std::cmp::Ordering::Less => Err(Error::OutOfOrder { from, to }),
+        std::cmp::Ordering::Equal => Ok(*state),
+        std::cmp::Ordering::Greater => transform.propagate(motion, &motion.over(from, to)?, state),
+    }
+}
 
-        let Some((mut factor, mut log_evidence)) = assess(&nominal) else { return degenerate() };
-        if self.gate.is_some_and(|threshold| factor.mahalanobis_squared(&innovation) > threshold) {
-            return unused(Outcome::Gated, log_evidence);
-        }
-        let (mut noise, mut scale) = (nominal, 1.0);
-        for _ in 0..ROBUST_ROUNDS {
-            // z - h(x) has mean s R S^-1 nu and covariance s R S^-1 Cov[h(x)] given z and the scale s.
-            let weighted = factor.solve(&innovation);
-            let spread: f64 = factor.solve_matrix(&observed.covariance).diagonal().iter().sum();
-            let distance = scale * scale * nominal.quadratic(&weighted, &weighted) + scale * spread;
-            let wanted = self.measurement.covariance_scale(distance);
-            if wanted == scale {
-                break;
-            }
-            scale = Error::positive("scale of the covariance", wanted)?;
-            noise = nominal * scale;
-            let Some(assessed) = assess(&noise) else { return degenerate() };
-            (factor, log_evidence) = assessed;
-        }
+/// [`GaussianFilter::update`] for a transform, a measurement model and the squared distance of the gate.
+pub(crate) fn update_law<T: Transform, H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
+    transform: &T,
+    measurement: &H,
+    gate: Option<f64>,
+    state: &Gaussian<N>,
+    z: &H::Value,
+    at: Time,
+) -> Result<(Gaussian<N>, Update)> {
+    let given = measurement.given(z, at)?;
+    let z = measurement.components(z);
+    for component in z {
+        Error::finite("measurement", component)?;
+    }
+    let nominal = Matrix(measurement.covariance());
+    nominal.finite("covariance of the measurement")?;
+    let observed = transform.observe(measurement, at, state)?;
+    let innovation = innovation::<H, N, M>(&z, &observed.mean);
 
-        let gain = factor.solve_matrix(&observed.cross.transpose()).transpose();
-        let correction = gain * innovation;
-        let mean = from_fn(|i| state.mean()[i] + correction[i]);
-        let covariance = observed.joseph(state.covariance(), &gain, &noise);
-        let Ok(posterior) = Gaussian::computed("updated mean", "updated covariance", mean, covariance) else {
+    let unused = |outcome, log_evidence| Ok((*state, Update { outcome, log_evidence, particles: None }));
+    let degenerate = || unused(Outcome::Degenerate, f64::NEG_INFINITY);
+    let assess = |noise: &Matrix<M, M>| {
+        let factor = Cholesky::of("covariance of the innovation", &(observed.covariance + *noise)).ok()?;
+        let log_evidence = log_density(&innovation, &factor);
+        log_evidence.is_finite().then_some((factor, log_evidence))
+    };
+
+    let Some((mut factor, mut log_evidence)) = assess(&nominal) else { return degenerate() };
+    if gate.is_some_and(|threshold| factor.mahalanobis_squared(&innovation) > threshold) {
+        return unused(Outcome::Gated, log_evidence);
+    }
+    let (mut noise, mut scale) = (nominal, 1.0);
+    for _ in 0..ROBUST_ROUNDS {
+        // z - h(x) has mean s R S^-1 nu and covariance s R S^-1 Cov[h(x)] given z and the scale s.
+        let weighted = factor.solve(&innovation);
+        let spread: f64 = factor.solve_matrix(&observed.covariance).diagonal().iter().sum();
+        let distance = scale * scale * nominal.quadratic(&weighted, &weighted) + scale * spread;
+        let wanted = measurement.covariance_scale(distance);
+        if wanted == scale {
+            break;
+        }
+        scale = Error::positive("scale of the covariance", wanted)?;
+        noise = nominal * scale;
+        let Some(assessed) = assess(&noise) else { return degenerate() };
+        (factor, log_evidence) = assessed;
+    }
+
+    let gain = factor.solve_matrix(&observed.cross.transpose()).transpose();
+    let correction = gain * innovation;
+    let mean = from_fn(|i| state.mean()[i] + correction[i]);
+    let covariance = observed.joseph(state.covariance(), &gain, &noise);
+    let Ok(posterior) = Gaussian::computed("updated mean", "updated covariance", mean, covariance) else {
+        return degenerate();
+    };
+    if scale != 1.0 {
+        let Ok(noise_factor) = Cholesky::of("covariance of the measurement", &noise) else {
             return degenerate();
         };
-        if scale != 1.0 {
-            let Ok(noise_factor) = Cholesky::of("covariance of the measurement", &noise) else {
-                return degenerate();
-            };
-            let residual = self::innovation::<H, N, M>(&z, &self.measurement.predict(at, mean));
-            // With h linear the residual is s R S^-1 nu, and its distance at most that of nu. A curved h may leave
-            // more, which must not count as evidence.
-            let excess =
-                noise_factor.mahalanobis_squared(&residual) - factor.mahalanobis_squared(&innovation);
-            let normal = log_density(&residual, &noise_factor) + 0.5 * excess.max(0.0);
-            log_evidence += H::log_likelihood(&given, mean) - normal;
-            if !log_evidence.is_finite() {
-                return degenerate();
-            }
+        let residual = self::innovation::<H, N, M>(&z, &measurement.predict(at, mean));
+        // With h linear the residual is s R S^-1 nu, and its distance at most that of nu. A curved h may leave
+        // more, which must not count as evidence.
+        let excess = noise_factor.mahalanobis_squared(&residual) - factor.mahalanobis_squared(&innovation);
+        let normal = log_density(&residual, &noise_factor) + 0.5 * excess.max(0.0);
+        log_evidence += H::log_likelihood(&given, mean) - normal;
+        if !log_evidence.is_finite() {
+            return degenerate();
         }
-        Ok((posterior, Update { outcome: Outcome::Updated, log_evidence, particles: None }))
     }
+    Ok((posterior, Update { outcome: Outcome::Updated, log_evidence, particles: None }))
 }
 
 /// z - z_hat, angles wrapped.

@@ -32,7 +32,14 @@ impl<const N: usize> Prior<N> for Gaussian<N> {
         for (block, first) in (0..n).step_by(BLOCK).enumerate() {
             let last = n.min(first + BLOCK);
             let key = NoiseKey { stream, purpose: Purpose::Prior, step: 0, block };
-            kernels::fill_noise(Simd::best(), source, Noise::StandardNormal, key, last - first, &mut noise);
+            kernels::fill_noise(
+                Simd::best(),
+                source,
+                Noise::StandardNormal,
+                key,
+                (last - first, N),
+                &mut noise,
+            );
             let mut states = columns.each_mut().map(|c| &mut c[first..last]);
             kernels::draw_normal(Simd::best(), self.mean(), &factor.0, &noise, &mut states);
         }
@@ -119,7 +126,7 @@ where
     /// what they were.
     fn visit(&self, cloud: &mut Cloud<N>, step: Option<&M::Step>, digest: Option<&H::Digest<'_>>) {
         let Settings { simd, noise: source, ref threads, .. } = self.settings;
-        let law = self.motion.noise();
+        let (law, components) = (self.motion.noise(), self.motion.noise_components());
         let (stream, number) = (cloud.stream, cloud.step);
         let in_place = !cloud.pending;
         if !in_place {
@@ -139,7 +146,7 @@ where
                 if let Some(step) = step {
                     let mut noise = NoiseBlock::<W>::new();
                     let key = NoiseKey { stream, purpose: Purpose::Motion, step: number, block: b };
-                    kernels::fill_noise(simd, source, law, key, last - first, &mut noise);
+                    kernels::fill_noise(simd, source, law, key, (last - first, components), &mut noise);
                     kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
                 } else if let Some(survivors) = survivors {
                     kernels::gather(survivors, &mut states);

@@ -118,46 +118,49 @@ pub(crate) struct NoiseKey {
     pub(crate) block: usize,
 }
 
-/// Fills `noise` for the first `count` particles of a block.
+/// Fills `noise` for the first `count` particles of a block: `components` rows are drawn, the others zero.
 pub(crate) fn fill_noise<const W: usize>(
     level: Simd,
     source: NoiseSource,
     law: Noise,
     key: NoiseKey,
-    count: usize,
+    (count, components): (usize, usize),
     noise: &mut NoiseBlock<W>,
 ) {
     const { assert!(W <= 64, "block numbers times components must fit the 32-bit counter") };
+    let components = components.min(W);
     let width = count.div_ceil(64) * 64;
     match law {
         Noise::StandardNormal => match source.resolution {
             Resolution::Bits32 => {
-                let out = noise.single_mut(width);
+                let (out, rest) = noise.single_mut(width).split_at_mut(components * width);
+                rest.fill(0.0);
                 match source.generator {
                     Generator::Philox => dispatch!(
                         level,
-                        simd => normals32::<_, Counter>(simd, key, W, out),
-                        naive => naive::normals32(naive::Counter::new(key, W), out)
+                        simd => normals32::<_, Counter>(simd, key, components, out),
+                        naive => naive::normals32(naive::Counter::new(key, components), out)
                     ),
                     Generator::Xoshiro => dispatch!(
                         level,
-                        simd => normals32::<_, Lanewise<_>>(simd, key, W, out),
-                        naive => naive::normals32(naive::Lanewise::new(key, W), out)
+                        simd => normals32::<_, Lanewise<_>>(simd, key, components, out),
+                        naive => naive::normals32(naive::Lanewise::new(key, components), out)
                     ),
                 }
             }
             Resolution::Bits64 => {
-                let out = noise.double_mut(width);
+                let (out, rest) = noise.double_mut(width).split_at_mut(components * width);
+                rest.fill(0.0);
                 match source.generator {
                     Generator::Philox => dispatch!(
                         level,
-                        simd => normals64::<_, Counter>(simd, key, W, out),
-                        naive => naive::normals64(naive::Counter::new(key, W), out)
+                        simd => normals64::<_, Counter>(simd, key, components, out),
+                        naive => naive::normals64(naive::Counter::new(key, components), out)
                     ),
                     Generator::Xoshiro => dispatch!(
                         level,
-                        simd => normals64::<_, Lanewise<_>>(simd, key, W, out),
-                        naive => naive::normals64(naive::Lanewise::new(key, W), out)
+                        simd => normals64::<_, Lanewise<_>>(simd, key, components, out),
+                        naive => naive::normals64(naive::Lanewise::new(key, components), out)
                     ),
                 }
             }
@@ -168,7 +171,7 @@ pub(crate) fn fill_noise<const W: usize>(
             let first = (key.block * BLOCK) as u32;
             for (i, particle) in (first..).take(count).enumerate() {
                 let mut draws = key.stream.draws(key.purpose, key.step, particle);
-                for w in 0..W {
+                for w in 0..components {
                     out[w * width + i] = draws.gamma(shape);
                 }
             }

@@ -5,6 +5,7 @@
 //! metres, seconds and radians. A measurement model reads the leading components that it needs and fits every
 //! motion that begins with them.
 
+pub mod jump;
 mod likelihood;
 pub mod measurement;
 pub mod motion;
@@ -14,6 +15,7 @@ use crate::error::Result;
 use crate::math::Real;
 use crate::rng::Draws;
 use crate::time::Time;
+pub use jump::{Chain, JumpMarkov};
 pub use likelihood::Likelihood;
 
 /// How the state moves: x_k = f(x_{k-1}, w_k), with `N` state components and `W` noise components.
@@ -37,6 +39,11 @@ pub trait Motion<const N: usize, const W: usize>: Send + Sync {
     /// Law of each of the independent components of w.
     fn noise(&self) -> Noise {
         Noise::StandardNormal
+    }
+
+    /// How many of the leading components of w [`Motion::apply`] reads; the others need not be drawn, and are zero.
+    fn noise_components(&self) -> usize {
+        W
     }
 }
 

@@ -1,6 +1,6 @@
 //! Drawing what the models say: true paths, and what sensors would report of them.
 
-use super::{GaussianMeasurement, Measurement, Motion, Noise};
+use super::{GaussianMeasurement, JumpMarkov, Measurement, Motion, Noise};
 use crate::error::{Error, Result};
 use crate::math::{Cholesky, Matrix};
 use crate::rng::{Draws, Purpose, Stream};
@@ -33,6 +33,50 @@ pub fn path<const N: usize, const W: usize, M: Motion<N, W>>(
         states.push(x);
     }
     Ok(states)
+}
+
+/// A path that a jump-Markov model draws through `times`: the mode of each time, and the state. The first mode comes from the
+/// chain's initial law; the mode of a time is the one that moved the state there.
+///
+/// # Errors
+/// Times that go back, and what the motion refuses.
+pub fn jump_path<const N: usize, const W: usize, M: Motion<N, W>>(
+    model: &JumpMarkov<M>,
+    start: [f64; N],
+    times: &[Time],
+    stream: Stream,
+) -> Result<(Vec<usize>, Vec<[f64; N]>)> {
+    let pick = |step, law: &[f64]| {
+        let u = stream.draws(Purpose::Mode, step, 0).uniform();
+        let mut sum = 0.0;
+        let fits = |p: &f64| {
+            sum += p;
+            u < sum
+        };
+        // Rounding may leave the last of the mass to nobody; modes without probability are never drawn.
+        law.iter().position(fits).or_else(|| law.iter().rposition(|&p| p > 0.0)).unwrap_or(0)
+    };
+    let (mut modes, mut states) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
+    let (mut x, mut mode) = (start, pick(0, model.chain().initial()));
+    let mut last: Option<Time> = None;
+    for (k, &to) in (0..).zip(times) {
+        if let Some(from) = last.replace(to).filter(|&from| from != to) {
+            if to < from {
+                return Err(Error::OutOfOrder { from, to });
+            }
+            let transition = model.chain().over(from, to);
+            let row: Vec<f64> = (0..transition.len()).map(|j| transition.probability(mode, j)).collect();
+            mode = pick(k, &row);
+            let motion = &model.modes()[mode];
+            let step = motion.over(from, to)?;
+            let mut draws = stream.draws(Purpose::Truth, k, 0);
+            let noise = motion.noise();
+            x = M::apply(&step, x, std::array::from_fn(|_| noise.draw(&mut draws)));
+        }
+        modes.push(mode);
+        states.push(x);
+    }
+    Ok((modes, states))
 }
 
 /// What `sensor` reports of the states `path` at `times`, one value for each. Angles are wrapped into [-pi, pi];

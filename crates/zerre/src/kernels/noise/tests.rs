@@ -15,7 +15,7 @@ fn draw<const W: usize>(source: NoiseSource, steps: u64, blocks: usize) -> Vec<[
             let mut rows = std::array::from_fn(|_| Vec::with_capacity(blocks * BLOCK));
             for block in 0..blocks {
                 let key = NoiseKey { stream: Stream::new(2), purpose: Purpose::Motion, step, block };
-                fill_noise(Simd::best(), source, Noise::StandardNormal, key, BLOCK, &mut noise);
+                fill_noise(Simd::best(), source, Noise::StandardNormal, key, (BLOCK, usize::MAX), &mut noise);
                 for (w, row) in rows.iter_mut().enumerate() {
                     row.extend((0..BLOCK).map(|i| noise.number(w, i)));
                 }
