@@ -4,6 +4,7 @@ mod extended;
 mod gaussian;
 mod kalman;
 mod particle;
+mod selection;
 mod unscented;
 
 pub(crate) use extended::MotionTangent;
@@ -11,6 +12,7 @@ pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
 pub use kalman::{Kalman, Linear};
 pub use particle::{ParticleFilter, Prior, Settings};
+pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub use unscented::{SigmaPoints, Unscented};
 
 use crate::error::Result;
