@@ -190,27 +190,8 @@ impl<const N: usize> Cloud<N> {
     /// # Errors
     /// A level outside [0, 1].
     pub fn quantiles<const Q: usize>(&self, k: usize, levels: [f64; Q]) -> Result<[f64; Q]> {
-        for &level in &levels {
-            if !(0.0..=1.0).contains(&level) {
-                return Err(Error::OutOfRange {
-                    what: "level of a quantile",
-                    value: level,
-                    needs: "it must lie in [0, 1]",
-                });
-            }
-        }
-        let weighted = self.states[k].iter().copied().zip(self.weights());
-        let mut sorted: Vec<(f64, f64)> = weighted.filter(|&(_, w)| w > 0.0).collect();
-        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut cumulative = 0.0;
-        for (_, w) in &mut sorted {
-            cumulative += *w;
-            *w = cumulative;
-        }
-        Ok(levels.map(|level| {
-            let at = sorted.partition_point(|&(_, c)| c < level * cumulative);
-            sorted.get(at).or(sorted.last()).map_or(f64::NAN, |&(x, _)| x)
-        }))
+        level_checked(&levels)?;
+        Ok(quantiles_of(self.states[k].iter().copied().zip(self.weights()), levels))
     }
 
     /// An independent continuation: the same particles, other random numbers from here on.
@@ -223,6 +204,34 @@ impl<const N: usize> Cloud<N> {
     pub(crate) fn total(&self) -> Total<N> {
         Total::of(&self.blocks)
     }
+}
+
+/// Refuses levels of quantiles outside [0, 1].
+pub(super) fn level_checked(levels: &[f64]) -> Result<()> {
+    match levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
+        None => Ok(()),
+        Some(&value) => {
+            Err(Error::OutOfRange { what: "level of a quantile", value, needs: "it must lie in [0, 1]" })
+        }
+    }
+}
+
+/// Quantiles of (value, weight); NaN without any weight.
+pub(super) fn quantiles_of<const Q: usize>(
+    weighted: impl Iterator<Item = (f64, f64)>,
+    levels: [f64; Q],
+) -> [f64; Q] {
+    let mut sorted: Vec<(f64, f64)> = weighted.filter(|&(_, w)| w > 0.0).collect();
+    sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut cumulative = 0.0;
+    for (_, w) in &mut sorted {
+        cumulative += *w;
+        *w = cumulative;
+    }
+    levels.map(|level| {
+        let at = sorted.partition_point(|&(_, c)| c < level * cumulative);
+        sorted.get(at).or(sorted.last()).map_or(f64::NAN, |&(x, _)| x)
+    })
 }
 
 /// Block sums of equal weights.
