@@ -3,7 +3,7 @@
 use super::cloud::{level_checked, quantiles_of};
 use crate::belief::{Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
-use crate::kernels::{self, BLOCK, BlockSums, Simd, Survivors, Total};
+use crate::kernels::{self, BLOCK, BlockSums, Simd, Survivors, Threads, Total};
 use crate::math::Matrix;
 use crate::model::jump::MAX_MODES;
 use crate::resample::Scratch;
@@ -173,15 +173,17 @@ impl<const N: usize> ModalCloud<N> {
     }
 
     /// Copies the ancestors' states to the survivors.
-    pub(crate) fn gather_survivors(&mut self, simd: Simd) {
+    pub(crate) fn gather_survivors(&mut self, simd: Simd, threads: &Threads) {
         let n = self.ancestors.len();
         self.survivors.iter_mut().for_each(|column| column.resize(n, 0.0));
         let from = Survivors::new(self.states.each_ref().map(Vec::as_slice), &self.ancestors);
-        for first in (0..n).step_by(BLOCK) {
-            let last = n.min(first + BLOCK);
-            let mut to = self.survivors.each_mut().map(|column| &mut column[first..last]);
-            kernels::gather(from.block(simd, first, last), &mut to);
-        }
+        let to = self.survivors.each_mut().map(Vec::as_mut_slice);
+        // Nothings take no memory.
+        let mut nothing = vec![(); n.div_ceil(BLOCK)];
+        threads.for_each_block(to, [], &mut nothing, |b, mut to: [&mut [f64]; N], [], ()| {
+            let first = b * BLOCK;
+            kernels::gather(from.block(simd, first, first + to.first().map_or(0, |c| c.len())), &mut to);
+        });
     }
 
     /// All particles survive: there was no resampling.
