@@ -1,6 +1,6 @@
 //! Weighted particles that each have a mode, in columns, sorted by mode.
 
-use super::cloud::{level_checked, quantiles_of};
+use super::cloud::{SavedBlock, level_checked, load_block, quantiles_of, save_block, shape};
 use crate::belief::{Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::kernels::{self, BLOCK, BlockSums, Simd, Survivors, Threads, Total};
@@ -201,6 +201,11 @@ impl<const N: usize> ModalCloud<N> {
         }
     }
 
+    /// Number of particles that go on.
+    pub(crate) fn survivors(&self) -> usize {
+        self.counts.iter().sum::<u32>() as usize
+    }
+
     /// Sums over all blocks of the last update.
     pub(crate) fn total(&self) -> Total<N> {
         Total::of(&self.blocks)
@@ -313,5 +318,111 @@ impl<const N: usize> ModalCloud<N> {
     #[must_use]
     pub fn fork(&self, label: u64) -> Self {
         ModalCloud { stream: self.stream.fork(label), ..self.clone() }
+    }
+}
+
+/// What of a cloud is saved; the rest follows from it. Particles stand without gaps.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct SavedModalCloud {
+    time: Time,
+    stream: Stream,
+    step: u64,
+    modes: usize,
+    /// Mode and number of particles.
+    segments: Vec<(usize, usize)>,
+    states: Vec<Vec<f64>>,
+    weights: Vec<f64>,
+    blocks: Vec<SavedBlock>,
+    /// Absent where there was no resampling.
+    survivors: Option<Vec<u32>>,
+}
+
+impl<const N: usize> Serialize for ModalCloud<N> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.saved().serialize(serializer)
+    }
+}
+
+impl<'de, const N: usize> Deserialize<'de> for ModalCloud<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let saved = SavedModalCloud::deserialize(deserializer)?;
+        ModalCloud::restore(saved).map_err(serde::de::Error::custom)
+    }
+}
+
+impl<const N: usize> ModalCloud<N> {
+    /// What has to be kept to go on to the same bits.
+    pub(crate) fn saved(&self) -> SavedModalCloud {
+        let packed = |column: &Vec<f64>| {
+            self.segments.iter().flat_map(|s| column[s.rows()].iter().copied()).collect::<Vec<f64>>()
+        };
+        SavedModalCloud {
+            time: self.time,
+            stream: self.stream,
+            step: self.step,
+            modes: self.modes,
+            segments: self.segments.iter().map(|s| (s.mode, s.len)).collect(),
+            states: self.states.iter().map(packed).collect(),
+            weights: packed(&self.weights),
+            blocks: self.blocks.iter().map(save_block).collect(),
+            survivors: self.resampled.then(|| self.ancestors.clone()),
+        }
+    }
+
+    /// The cloud that was saved.
+    pub(crate) fn restore(saved: SavedModalCloud) -> Result<Self> {
+        if saved.modes == 0 || saved.modes > MAX_MODES {
+            let (what, value) = ("number of modes", saved.modes as f64);
+            return Err(Error::OutOfRange { what, value, needs: "it must lie between 1 and 16" });
+        }
+        let mut shares = [(0, 0.0); MAX_MODES];
+        for pair in saved.segments.windows(2) {
+            if pair[0].0 >= pair[1].0 {
+                let (what, found) = ("mode of a segment", pair[1].0);
+                return Err(Error::Shape { what, found, expected: pair[0].0 + 1 });
+            }
+        }
+        for &(mode, len) in &saved.segments {
+            if mode >= saved.modes || len == 0 || len > MAX_PARTICLES {
+                let (what, value) = ("particles of a segment", len as f64);
+                return Err(Error::OutOfRange { what, value, needs: "a mode of the model must have some" });
+            }
+            shares[mode].0 = len;
+        }
+        shape("columns of a saved cloud", saved.states.len(), N)?;
+        let mut columns = saved.states.into_iter();
+        let columns = std::array::from_fn(|_| columns.next().unwrap_or_default());
+        let mut cloud = ModalCloud::from_columns(saved.time, saved.stream, &columns, &shares[..saved.modes])?;
+        shape("weights of a saved cloud", saved.weights.len(), cloud.len())?;
+        shape("blocks of a saved cloud", saved.blocks.len(), cloud.blocks.len())?;
+        for &w in &saved.weights {
+            Error::not_negative("saved weight", w)?;
+        }
+        let mut from = 0;
+        for segment in &cloud.segments {
+            cloud.weights[segment.rows()].copy_from_slice(&saved.weights[from..from + segment.len]);
+            from += segment.len;
+        }
+        cloud.blocks = saved.blocks.into_iter().map(load_block).collect::<Result<_>>()?;
+        Error::positive("sum of the saved weights", cloud.total().sum)?;
+        cloud.step = saved.step;
+        match saved.survivors {
+            None => cloud.keep_all(),
+            Some(survivors) => {
+                let rows = cloud.weights.len();
+                let last = survivors.last().map_or(rows, |&a| a as usize);
+                if last >= rows || survivors.windows(2).any(|pair| pair[0] > pair[1]) {
+                    return Err(Error::Shape {
+                        what: "index of a survivor",
+                        found: last,
+                        expected: rows - 1,
+                    });
+                }
+                cloud.ancestors = survivors;
+                cloud.count_ancestors();
+                cloud.gather_survivors(Simd::best(), &Threads::Serial);
+            }
+        }
+        Ok(cloud)
     }
 }

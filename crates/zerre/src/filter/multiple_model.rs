@@ -2,7 +2,7 @@
 //! by the chain of modes, and the joint set is resampled (McGinnity and Irwin, IEEE Transactions on Aerospace and
 //! Electronic Systems 36(3), 2000; algorithms 1 to 3 of Ucar's thesis, section 4.1).
 
-use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, Segment};
+use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, SavedModalCloud, Segment, load_log, save_log};
 use crate::error::{Error, Result};
 use crate::filter::{Choice, Filter, Outcome, ParticleUpdate, Prior, Selector, Update, Wsms};
 use crate::kernels::{
@@ -14,6 +14,7 @@ use crate::model::{GaussianMeasurement, JumpMarkov, Likelihood, Motion};
 use crate::resample::{BlockWeights, Context, Resampling};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
+use serde::{Deserialize, Serialize};
 use std::convert::Infallible;
 
 /// Settings of particle filters with several modes.
@@ -278,6 +279,91 @@ struct Carried<const N: usize> {
     blocks: Vec<BlockSums<N>>,
 }
 
+impl<const N: usize> Carried<N> {
+    fn equal(n: usize) -> Self {
+        Carried {
+            log_weights: Vec::new(),
+            equal: true,
+            log_sum: Real::ln(n as f64),
+            weights: Vec::new(),
+            blocks: Vec::new(),
+        }
+    }
+}
+
+/// What of a belief is saved.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct SavedModalBelief {
+    cloud: SavedModalCloud,
+    estimate: Vec<f64>,
+    models_computed: usize,
+    selected: Option<usize>,
+    selector: Option<Selector>,
+    /// Log-weights of the survivors and the logarithm of their sum; absent while they are equal.
+    carried: Option<(Vec<Option<f64>>, f64)>,
+}
+
+impl<const N: usize> Serialize for ModalBelief<N> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.saved().serialize(serializer)
+    }
+}
+
+impl<'de, const N: usize> Deserialize<'de> for ModalBelief<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let saved = SavedModalBelief::deserialize(deserializer)?;
+        ModalBelief::restore(saved).map_err(serde::de::Error::custom)
+    }
+}
+
+impl<const N: usize> ModalBelief<N> {
+    /// What has to be kept to go on to the same bits.
+    pub(crate) fn saved(&self) -> SavedModalBelief {
+        let carried = &self.carried;
+        let logs = || (carried.log_weights.iter().map(|&l| save_log(l)).collect(), carried.log_sum);
+        SavedModalBelief {
+            cloud: self.cloud.saved(),
+            estimate: self.estimate.to_vec(),
+            models_computed: self.models_computed,
+            selected: self.selected,
+            selector: self.selector.clone(),
+            carried: (!carried.equal).then(logs),
+        }
+    }
+
+    /// The belief that was saved.
+    pub(crate) fn restore(saved: SavedModalBelief) -> Result<Self> {
+        let cloud = ModalCloud::<N>::restore(saved.cloud)?;
+        let shape = |what, found, expected| {
+            if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
+        };
+        shape("components of a saved estimate", saved.estimate.len(), N)?;
+        for &x in &saved.estimate {
+            Error::finite("saved estimate", x)?;
+        }
+        if let Some(mode) = saved.selected.filter(|&mode| mode >= cloud.modes) {
+            return Err(Error::Shape { what: "selected mode", found: mode, expected: cloud.modes - 1 });
+        }
+        let n = cloud.survivors();
+        let mut carried = Carried::equal(n);
+        if let Some((log_weights, log_sum)) = saved.carried {
+            shape("log-weights of saved survivors", log_weights.len(), n)?;
+            carried.log_weights = log_weights.into_iter().map(load_log).collect::<Result<_>>()?;
+            carried.log_sum = Error::finite("logarithm of the sum of the saved weights", log_sum)?;
+            carried.equal = false;
+        }
+        let mut estimate = saved.estimate.into_iter();
+        Ok(ModalBelief {
+            cloud,
+            estimate: std::array::from_fn(|_| estimate.next().unwrap_or_default()),
+            models_computed: saved.models_computed,
+            selected: saved.selected,
+            selector: saved.selector,
+            carried,
+        })
+    }
+}
+
 /// How the particles of a step come about.
 struct Plan<'a, S> {
     /// Step of each mode that is computed; none where no time passes.
@@ -452,7 +538,8 @@ where
 
     /// Draws and gathers the survivors, with equal weights.
     fn resample(&self, belief: &mut ModalBelief<N>, total: &Total<N>) -> usize {
-        let (cloud, n) = (&mut belief.cloud, self.settings.particles);
+        let cloud = &mut belief.cloud;
+        let n = cloud.survivors();
         cloud.ancestors.resize(n, 0);
         let pairs = cloud.scratch.pairs(&cloud.blocks, total.max);
         let context = Context {
@@ -486,7 +573,7 @@ where
     /// Every particle is lost: some go on without weight, and stay so.
     fn lose(&self, belief: &mut ModalBelief<N>) {
         let ModalBelief { cloud, carried, .. } = belief;
-        let n = self.settings.particles;
+        let n = cloud.survivors();
         let rows = cloud.segments.iter().flat_map(|s| s.rows()).take(n);
         cloud.ancestors.clear();
         cloud.ancestors.extend(rows.map(|row| row as u32));
@@ -499,7 +586,8 @@ where
 
     /// Weighs the survivors by the measurement once more; the sums of their weights and states.
     fn weigh_again(&self, belief: &mut ModalBelief<N>, digest: &H::Digest<'_>) -> Total<N> {
-        let ModalSettings { simd, ref threads, particles: n, .. } = self.settings;
+        let ModalSettings { simd, ref threads, .. } = self.settings;
+        let n = belief.cloud.survivors();
         let Carried { log_weights, weights, blocks, .. } = &mut belief.carried;
         log_weights.resize(n, 0.0);
         weights.resize(n, 0.0);
@@ -572,13 +660,7 @@ where
             models_computed: 0,
             selected: None,
             selector: selection.map(|rules| Selector::new(rules, law.len())).transpose()?,
-            carried: Carried {
-                log_weights: Vec::new(),
-                equal: true,
-                log_sum: Real::ln(n as f64),
-                weights: Vec::new(),
-                blocks: Vec::new(),
-            },
+            carried: Carried::equal(n),
             cloud,
         })
     }
@@ -589,11 +671,20 @@ where
             return Err(Error::OutOfOrder { from, to });
         }
         let digest = z.map(|z| self.sensor.digest(z, to)).transpose()?;
-        let (modes, n) = (self.model.modes(), self.settings.particles);
+        let (modes, n) = (self.model.modes(), belief.cloud.survivors());
+        let (found, expected) = (belief.cloud.modes, modes.len());
+        if found != expected {
+            return Err(Error::Shape { what: "modes of the belief", found, expected });
+        }
         let choice = match (&self.selection, &belief.selector) {
             (Some(rules), Some(selector)) if z.is_some() && to > from => selector.choose(rules),
             _ => Choice::All,
         };
+        if let Choice::One(found) = choice
+            && found >= modes.len()
+        {
+            return Err(Error::Shape { what: "selected mode", found, expected: modes.len() - 1 });
+        }
         let computed = |j: usize| matches!(choice, Choice::All) || choice == Choice::One(j);
         let mut moves = None;
         if to > from {
