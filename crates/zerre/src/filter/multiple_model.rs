@@ -808,3 +808,31 @@ where
         Ok(Update { outcome, log_evidence, particles: Some(particles) })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// floor(n p) or ceil(n p) each, n in all, nothing without probability, and n p on average: a count that is n p in the
+    /// mean and varies by less than one has a standard deviation of at most 1/2.
+    #[test]
+    fn first_modes_follow_their_law() {
+        let law = [0.31, 0.0, 0.17, 0.52, 0.0];
+        let (n, runs) = (10, 4000);
+        let mut sums = [0.0; 5];
+        for seed in 0..runs {
+            let counts = first_counts(&law, n, Stream::new(seed));
+            assert_eq!(counts.iter().sum::<usize>(), n);
+            for (j, p) in law.iter().enumerate() {
+                let expected = n as f64 * p;
+                let within = expected.floor()..=expected.ceil();
+                assert!(within.contains(&(counts[j] as f64)), "{counts:?}");
+                sums[j] += counts[j] as f64;
+            }
+        }
+        for (j, p) in law.iter().enumerate() {
+            let error = (sums[j] / runs as f64 - n as f64 * p).abs();
+            assert!(error <= 5.0 * 0.5 / (runs as f64).sqrt(), "mode {j}: off by {error}");
+        }
+    }
+}
