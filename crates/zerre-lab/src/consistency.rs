@@ -214,14 +214,16 @@ struct Factor<'a>(&'a Interval, bool);
 impl fmt::Display for Factor<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Factor(Interval { value, low, high }, at_least) = self;
+        // Beyond ten a digit after the point tells nothing.
+        let digits = usize::from(*low < 10.0);
         if *low > MOST_FACTOR {
             return write!(f, "more than {MOST_FACTOR}");
         }
         if *high > MOST_FACTOR {
-            return write!(f, "at least {low:.1}");
+            return write!(f, "at least {low:.digits$}");
         }
         let bound = if *at_least { "at least " } else { "" };
-        write!(f, "{bound}about {value:.1} ({low:.1} to {high:.1})")
+        write!(f, "{bound}about {value:.digits$} ({low:.digits$} to {high:.digits$})")
     }
 }
 

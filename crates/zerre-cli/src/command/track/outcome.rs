@@ -4,7 +4,7 @@ use super::Call;
 use super::input::Input;
 use super::scores::Scores;
 use super::settings::{Settings, counted};
-use super::work::{Reference, Run};
+use super::work::{Reference, Run, TOLERABLE_LOSS};
 use crate::diagnostic::Diagnostic;
 use crate::run::{EstimatesDigest, Record};
 use serde_json::{Map, Value, json};
@@ -44,6 +44,8 @@ pub(super) struct Sensor {
     pub gate: Option<f64>,
     pub used: u64,
     pub gated: u64,
+    /// Of the gated ones those for which the track was given up: they say nothing of the sensor.
+    lost: u64,
     pub assessment: Option<Assessment>,
 }
 
@@ -108,6 +110,8 @@ impl Outcome {
         let fixing = orders(&run.states);
         // Measurements used since the belief of a track was last started.
         let mut since: BTreeMap<Arc<str>, u64> = BTreeMap::new();
+        // Sensors of the measurements in a row that the gate of a track refused.
+        let mut refused_in_a_row: BTreeMap<Arc<str>, Vec<usize>> = BTreeMap::new();
         for (index, plot) in input.plots.iter().enumerate() {
             let (kind, names) = components(&plot.reading);
             let place = *places.entry((plot.sensor.as_deref(), kind)).or_insert_with(|| {
@@ -127,6 +131,7 @@ impl Outcome {
                     gate: told.and_then(|sensor| sensor.gate).filter(|&inside| inside > 0.0),
                     used: 0,
                     gated: 0,
+                    lost: 0,
                     assessment: None,
                 });
                 sensors.len() - 1
@@ -138,7 +143,17 @@ impl Outcome {
             sensors[place].used += u64::from(used);
             let refused = row.update.is_some_and(|update| update.outcome == Step::Gated);
             sensors[place].gated += u64::from(refused);
-            outcome.locked_out += u64::from(refused && row.event == Event::Restarted);
+            let in_a_row = refused_in_a_row.entry(Arc::clone(&row.id)).or_default();
+            if refused {
+                in_a_row.push(place);
+            }
+            if refused && row.event == Event::Restarted {
+                outcome.locked_out += 1;
+                in_a_row.iter().for_each(|&place| sensors[place].lost += 1);
+            }
+            if used {
+                in_a_row.clear();
+            }
             outcome.log_evidence += evidence(row).unwrap_or(0.0);
             if row.mean.is_empty() {
                 continue;
@@ -181,7 +196,7 @@ impl Outcome {
                 dimension: names.len().max(1),
                 heavy_tails_expected: sensor.heavy_tails,
                 gate: sensor.gate,
-                refused: sensor.gated as usize,
+                refused: (sensor.gated - sensor.lost) as usize,
                 components: names
                     .iter()
                     .map(|name| WhitenedComponent { name: (*name).to_owned(), series: Vec::new() })
@@ -424,14 +439,13 @@ fn span(tracks: &[Track]) -> String {
 /// "for comparison, ukf has -491.3: the particles explain the measurements better": higher is better. What both did not
 /// use is left out of the comparison, and the particles' own number is told again where that changes it.
 fn against(reference: &Reference, log_evidence: f64) -> String {
-    let gain = reference.own - reference.log_evidence;
     let verdict = if reference.is_better() {
         let loss = number(reference.loss_per_plot());
         format!("the particles lose {loss} per measurement: take more of them, or that filter")
-    } else if gain < 0.0 {
-        "the particles explain the measurements as well".to_owned()
-    } else {
+    } else if -reference.loss_per_plot() > TOLERABLE_LOSS {
         "the particles explain the measurements better (higher is better)".to_owned()
+    } else {
+        "the particles explain the measurements as well".to_owned()
     };
     let (own, theirs) = (evidence_text(reference.own), evidence_text(reference.log_evidence));
     if own == evidence_text(log_evidence) {

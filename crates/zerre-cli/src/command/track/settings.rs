@@ -368,7 +368,7 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         let text =
             format!("the motion `{model}` is of a benchmark: no sensor that is tracked sees its one number");
         let help = "take another one of `zerre catalog motions`; the library has a measurement for it";
-        return Err(effective.at_key(&["motion", "model"], Diagnostic::new(text)).help(help));
+        return Err(effective.at_value(&["motion", "model"], Diagnostic::new(text)).help(help));
     }
     check_parameters(given, &model, effective)?;
     let at = |key| ["motion", key];
