@@ -47,8 +47,9 @@ fn sensor(out: &mpsc::Sender<Report>) {
 
 fn main() -> Result<(), Box<dyn StdError>> {
     let prior = Gaussian::independent([0.0, 0.0, 0.0, 0.0], [500.0, 500.0, 30.0, 30.0])?;
+    // A measurement less likely than one in ten thousand is not used.
     let filter =
-        Kalman::new(ConstantVelocity::<2>::new(0.5)?, Position::<2>::new(4.0)?, prior)?.with_gate(0.9999)?; // a measurement less likely than one in ten thousand is not used
+        Kalman::new(ConstantVelocity::<2>::new(0.5)?, Position::<2>::new(4.0)?, prior)?.with_gate(0.9999)?;
     let mut belief = filter.start(Time::ZERO, Stream::new(1))?;
 
     let (sender, stream) = mpsc::channel();

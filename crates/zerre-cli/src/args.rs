@@ -15,7 +15,7 @@ Examples:
   zerre schema track > track.json       lets an editor check the configuration
 
 Results go to standard output and --out, everything else to standard error.
-Exit codes: 0 done; 1 could not; 2 wrong usage; 3 done but degraded, with --strict.";
+Exit codes: 0 done; 1 could not, or stopped before the end; 2 wrong usage; 3 done but degraded, with --strict.";
 
 /// Particle filters and their relatives: track, simulate, compare, bench.
 #[derive(Clone, Debug, Parser)]

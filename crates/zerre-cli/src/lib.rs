@@ -1,8 +1,8 @@
 //! The command line of zerre: arguments, configuration, diagnostics, and the record that every run leaves.
 //!
 //! The library exists so that tests reach the parts; its names follow the binary, not semantic versioning.
-//! Text for people goes to stderr, results to stdout. Exit codes: 0 done, 1 could not, 2 wrong usage,
-//! 3 done but degraded under `--strict`.
+//! Text for people goes to stderr, results to stdout. Exit codes: 0 done, 1 could not or was
+//! stopped before the end, 2 wrong usage, 3 done but degraded under `--strict`.
 
 pub mod args;
 pub mod catalog;
@@ -76,7 +76,8 @@ fn bug_report(panic: &dyn std::fmt::Display) -> String {
 pub enum Exit {
     /// 0: done.
     Done,
-    /// 1: could not; a diagnostic says what, where and how to mend it.
+    /// 1: could not, and a diagnostic says what, where and how to mend it; or was stopped before the end, and what is
+    /// written is complete as far as it goes.
     CouldNot,
     /// 2: wrong usage.
     Usage,

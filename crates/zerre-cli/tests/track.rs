@@ -505,3 +505,157 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     assert_eq!(counts["left_out"]["not reached"], 200_000 - written);
     assert!(rows.ends_with('\n'));
 }
+
+/// A first measurement far off, and a gate: without a restart nothing would ever reach the track again.
+#[test]
+fn a_track_that_its_gate_locks_out_is_restarted_and_said() {
+    let inside = folder("locked-out");
+    let mut table = "time_s,id,x_m,y_m\n".to_owned();
+    for k in 0..200 {
+        let scatter = f64::from(k * 37 % 11) / 5.0 - 1.0;
+        let x = if k == 0 { 300.0 } else { 10.0 * f64::from(k) } + scatter;
+        table += &format!("{k},a,{x},{}\n", 100.0 - scatter);
+    }
+    std::fs::write(inside.join("m.csv"), table).unwrap();
+    let settings = "filter = \"ekf\"\n[motion]\nacceleration_sd_mps2 = 0.05\n[start]\nspeed_sd_mps = 15\n\
+                    [sensor.default]\nposition_sd_m = 1\ngate = 0.999\n";
+    std::fs::write(inside.join("c.toml"), settings).unwrap();
+    let output = track(&inside, "m.csv --config c.toml --strict --json");
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+    let said = text(&output.stderr);
+    assert!(said.contains("track lost") && said.contains("1 time, started anew"), "{said}");
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["restarts"], serde_json::json!({ "gate": 1, "degenerate": 0 }));
+    assert_eq!(document["outcomes"]["restarted"]["count"], 1);
+    let rows = std::fs::read_to_string(inside.join("out/tracks.csv")).unwrap();
+    assert_eq!(rows.lines().filter(|row| row.ends_with(",restarted")).count(), 1);
+    assert!(rows.lines().filter(|row| row.ends_with(",gated")).count() < 10);
+    let last: Vec<f64> =
+        rows.lines().last().unwrap().split(',').skip(2).take(2).map(|v| v.parse().unwrap()).collect();
+    // Ten standard deviations.
+    assert!((last[0] - 1990.0).abs() < 10.0 && (last[1] - 100.0).abs() < 10.0, "{last:?}");
+    // The setting holds: with a number that is never reached the track stays where it was.
+    std::fs::write(inside.join("c.toml"), format!("{settings}[track]\nrestart_after_gated = 1000\n"))
+        .unwrap();
+    let output = track(&inside, "m.csv --config c.toml --strict --json");
+    assert_eq!(output.status.code(), Some(3), "so many refusals are a finding: {}", text(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["restarts"]["gate"], 0);
+    let verdict = document["sensors"][0]["verdict"].as_str().unwrap();
+    assert!(verdict.starts_with("the gate refused 1"), "{verdict}");
+}
+
+/// The picture of the first page is what its caption says.
+#[test]
+fn the_picture_of_the_readme_is_what_the_command_makes() {
+    let inside = folder("picture");
+    assert!(track(&inside, &data("ferry_radar.csv")).status.success());
+    let made = std::fs::read(inside.join("out/plan.svg")).unwrap();
+    let shown = std::fs::read(workspace().join("docs/track.svg")).unwrap();
+    assert!(
+        made == shown,
+        "docs/track.svg is not the picture that the program makes; renew it by `cargo run --release -- track \
+         data/ferry_radar.csv --out made`, then copy made/plan.svg to docs/track.svg"
+    );
+}
+
+/// The radar of the ferry trails its targets: the tracks agree with it, and not with the truth.
+#[test]
+fn what_the_truth_contradicts_is_said_in_a_sentence() {
+    let inside = folder("offset");
+    let output =
+        track(&inside, &format!("{} --truth {} --json", data("ferry_radar.csv"), data("ferry_truth.csv")));
+    let said = text(&output.stderr);
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let sentence = document["against_truth"].as_str().unwrap();
+    for part in [
+        "farther from the truth",
+        "track 1 is off by (+2.",
+        "track 2 is off by (-5.",
+        "without the mean offset",
+    ] {
+        assert!(sentence.contains(part), "{part}: {sentence}");
+    }
+    assert!(said.contains(sentence), "{said}");
+    let page = std::fs::read_to_string(inside.join("out/report.html")).unwrap();
+    assert!(page.contains("Against the truth") && page.contains("track 1 is off by"));
+    assert_eq!(document["offsets"].as_array().unwrap().len(), 2);
+    let nees = |value: &Value| value["nees"].as_f64().unwrap();
+    assert!(nees(&document["without_offsets"]) < 0.5 * nees(&document["scores"]));
+}
+
+#[test]
+fn what_was_read_and_not_used_is_in_the_summary() {
+    let inside = folder("rows");
+    let header = "time_s,id,x_m,y_m,range_m,bearing_deg\n";
+    std::fs::write(inside.join("m.csv"), format!("{header}2,a,1,1,,\n1,a,0,0,,\n3,a,2,2,,\n4,a,,,,\n"))
+        .unwrap();
+    let settings =
+        "filter = \"ekf\"\n[motion]\nacceleration_sd_mps2 = 1\n[sensor.default]\nposition_sd_m = 1\n";
+    std::fs::write(inside.join("c.toml"), settings).unwrap();
+    let output = track(&inside, "m.csv --config c.toml");
+    let said = text(&output.stderr);
+    for part in ["1 of 4: 1 no measurement", "rows sorted", "1 row earlier"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let page = std::fs::read_to_string(inside.join("out/report.html")).unwrap();
+    for part in [
+        "4 rows read: 3 used, 1 left out (no measurement: 1)",
+        "1 of them were out of order",
+        "cells were empty",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    // Nothing to learn from, and a motion that nothing sees: told as what they are.
+    std::fs::write(inside.join("one.csv"), "time_s,id,x_m,y_m\n1,a,0,0\n").unwrap();
+    let said = track(&inside, "one.csv");
+    assert!(text(&said.stderr).contains("no target is measured more than once"), "{}", text(&said.stderr));
+    std::fs::write(inside.join("g.toml"), "motion = \"growth\"\n").unwrap();
+    let output = track(&inside, "m.csv --config g.toml");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        said.contains("g.toml:1") && said.contains("of a benchmark") && !said.contains("position_sd_m"),
+        "{said}"
+    );
+}
+
+/// A filter that never resamples collapses: its scores are beyond all measure, and still short.
+#[test]
+fn no_number_of_the_summary_is_long() {
+    let inside = folder("digits");
+    let made = Command::new(env!("CARGO_BIN_EXE_zerre"))
+        .current_dir(&inside)
+        .args(["simulate", "radar-cv", "--seed", "7", "--out", "made"])
+        .status()
+        .unwrap();
+    assert!(made.success());
+    let line = "made/measurements.csv --config made/track.toml --truth made/truth.csv --filter sis";
+    let output = track(&inside, line);
+    let said = text(&output.stderr);
+    assert!(said.contains("\nnees "), "{said}");
+    let digits = |word: &str| word.chars().filter(char::is_ascii_digit).count();
+    let scores = said.lines().filter(|line| !line.contains('/'));
+    for word in scores.flat_map(str::split_whitespace) {
+        assert!(digits(word) <= 8, "{word}: {said}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn every_command_that_is_stopped_says_so_by_its_exit_code() {
+    let inside = folder("stopped-simulation");
+    let child = Command::new(env!("CARGO_BIN_EXE_zerre"))
+        .current_dir(&inside)
+        .args(["simulate", "radar-cv", "--runs", "1000000", "--out", "made"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let record = std::fs::read(inside.join("made/run.json")).unwrap();
+    assert_eq!(serde_json::from_slice::<Value>(&record).unwrap()["state"], "interrupted");
+    std::fs::remove_dir_all(&inside).unwrap();
+}

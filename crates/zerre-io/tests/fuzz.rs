@@ -12,12 +12,14 @@ const HEADERS: [(Format, &str); 6] = [
     (Format::Csv, "time_s,id,sensor,x_m,y_m,range_km,azimuth_deg,range_rate_mps\n"),
     (
         Format::Opensky,
-        "time,icao24,lat,lon,velocity,heading,vertrate,callsign,onground,alert,spi,squawk,baroaltitude,geoaltitude,lastposupdate,lastcontact\n",
+        "time,icao24,lat,lon,velocity,heading,vertrate,callsign,onground,alert,spi,squawk,\
+         baroaltitude,geoaltitude,lastposupdate,lastcontact\n",
     ),
     (Format::Ais, "Time,MMSI,Latitude_degrees,Longitude_degrees,COG_degrees,SOG_knots\n"),
     (
         Format::Lebl,
-        "tod,msg,track,rho_m,theta_deg,x_m,y_m,vx_mps,vy_mps,gs_nmps,ta_deg,length_m,orient_deg,width_m,ax,ay,trd,tstat\n",
+        "tod,msg,track,rho_m,theta_deg,x_m,y_m,vx_mps,vy_mps,gs_nmps,ta_deg,length_m,orient_deg,\
+         width_m,ax,ay,trd,tstat\n",
     ),
     (
         Format::Uav,

@@ -46,14 +46,13 @@ fn run(targets: usize, steps: usize) -> Result<RunReport, zerre_lab::Error> {
             nis: tracks.iter().flat_map(|t| rows(t).into_iter().map(|row| row.nis)).collect(),
             components: (0..components.len()).map(component).collect(),
             noise_share: Some(0.8),
-            heavy_tails_expected: false,
+            ..SensorInnovations::default()
         };
         sensors.push(SensorReport {
             name: (*name).into(),
             components: components.iter().map(|c| (*c).into()).collect(),
             position: Some([[1500.0, -1800.0], [4000.0, 5000.0]][index]),
             used: innovations.nis.len() as u64,
-            missing: 3,
             gated: 12,
             assessment: Some(assess(&innovations)?),
         });
@@ -73,6 +72,8 @@ fn run(targets: usize, steps: usize) -> Result<RunReport, zerre_lab::Error> {
             read: 918,
             used: 900,
             missing: 9,
+            left_out: Vec::new(),
+            out_of_order: 0,
             rejected: vec![Rejection {
                 reason: "not a number".into(),
                 count: 9,

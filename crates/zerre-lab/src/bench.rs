@@ -9,8 +9,8 @@
 //! | W4 | 100 independent runs of W1 with 5 000 particles, spread over threads |
 //!
 //! Times are processor time of the calling thread (W4: of the process), medians over repetitions; the first repetition
-//! is not counted. `rmse` is the position error against the truth, `reference_distance` the RMS distance of the filter's
-//! mean to that of 32 million particles: it must fall as 1 / sqrt(N).
+//! is not counted. `rmse` is the position error against the truth, `reference_distance` the RMS distance of the
+//! filter's mean to that of 32 million particles: it must fall as 1 / sqrt(N).
 
 use cpu_time::{ProcessTime, ThreadTime};
 use rayon::prelude::*;

@@ -17,6 +17,7 @@
 use crate::distribution::{chi_square_cdf, chi_square_quantile, normal_quantile};
 use crate::error::{Error, Result};
 use crate::metric::{MeanChiSquare, anees, median};
+use crate::number::signed;
 use std::fmt;
 
 /// Fewer innovations than this are too few to judge: the interval of their mean size spans a factor of two.
@@ -30,6 +31,8 @@ const SCALE_MATTERS: f64 = 0.05;
 const LAG_MATTERS: f64 = 0.05;
 /// Mean innovation, in standard deviations, below which nobody would calibrate.
 const BIAS_MATTERS: f64 = 0.1;
+/// A larger share is no outliers any more, but another law.
+const FEW_OUTLIERS: f64 = 0.1;
 /// Share of outliers that matters, five times what a normal law has beyond [`OUTLIER_LEVEL`].
 const OUTLIERS_MATTER: f64 = 0.005;
 /// An innovation beyond this quantile is an outlier.
@@ -44,7 +47,8 @@ pub struct SensorInnovations {
     pub sensor: String,
     /// Numbers per measurement, the degrees of freedom of one NIS value.
     pub dimension: usize,
-    /// Normalised innovation squared of every update.
+    /// Normalised innovation squared of every update. What a gate refused is not among them: [`Self::refused`] counts
+    /// it.
     pub nis: Vec<f64>,
     /// The components of the innovations, in standard deviations; may be empty when only NIS is known.
     pub components: Vec<WhitenedComponent>,
@@ -53,6 +57,10 @@ pub struct SensorInnovations {
     pub noise_share: Option<f64>,
     /// Whether the filter's law of errors has heavy tails itself: then far innovations are no finding.
     pub heavy_tails_expected: bool,
+    /// Probability with which a true measurement lies inside the gate that these passed; `None` without a gate.
+    pub gate: Option<f64>,
+    /// How many measurements the gate refused.
+    pub refused: usize,
 }
 
 /// One component of the innovations, each divided by its predicted standard deviation.
@@ -100,12 +108,24 @@ pub enum Finding {
         /// Its mean, in predicted standard deviations.
         mean: Interval,
     },
-    /// More far innovations than a normal law has. The other findings leave them out.
+    /// The gate refused many more measurements than it would of right models.
+    Refused {
+        /// How many it refused.
+        refused: usize,
+        /// Of how many.
+        measurements: usize,
+        /// How many it would refuse on average.
+        expected: f64,
+    },
+    /// More far innovations than a normal law has. What is said of R and Q leaves them out.
     HeavyTails {
-        /// How many lie beyond the 99.9 % bound of the bulk.
+        /// How many lie beyond the 99.9 % bound of a normal law of the size of the others, which may be far from the
+        /// size that the filter foretold.
         outliers: usize,
         /// How many innovations there are.
         samples: usize,
+        /// Whether a gate would keep them out: there is none, they are few, and the others are as large as foretold.
+        gate_helps: bool,
     },
     /// R is smaller than the scatter of the measurements.
     MeasurementNoiseTooSmall {
@@ -142,21 +162,32 @@ impl fmt::Display for Finding {
             Finding::Consistent => f.write_str("consistent: innovations are white and as large as predicted"),
             Finding::Biased { component, mean } => write!(
                 f,
-                "biased: the mean {component} innovation is {:+.2} sigma ({:+.2} to {:+.2}); look for an offset of \
-                 the sensor",
-                mean.value, mean.low, mean.high
+                "biased: the mean {component} innovation is {} sigma ({} to {}); look for an offset of the sensor",
+                signed(mean.value),
+                signed(mean.low),
+                signed(mean.high)
             ),
-            Finding::HeavyTails { outliers, samples } => write!(
+            Finding::Refused { refused, measurements, expected } => write!(
                 f,
-                "heavy tails: {outliers} of {samples} innovations lie beyond the 99.9 % bound ({:.1} expected); use \
-                 a gate or a heavy-tailed likelihood",
-                *samples as f64 * (1.0 - OUTLIER_LEVEL)
+                "the gate refused {refused} of {measurements} measurements ({expected:.1} expected): the noises are \
+                 too small, or the measurements have outliers"
+            ),
+            Finding::HeavyTails { outliers, samples, gate_helps } => write!(
+                f,
+                "heavy tails: {outliers} of {samples} innovations are too far out for a normal law of the size of the \
+                 others ({:.1} expected); use a {}heavy-tailed likelihood",
+                *samples as f64 * (1.0 - OUTLIER_LEVEL),
+                if *gate_helps { "gate or a " } else { "" }
             ),
             Finding::MeasurementNoiseTooSmall { factor, at_least } => {
                 write!(f, "the measurement noise R is {} times too small", Factor(factor, *at_least))
             }
             Finding::MeasurementNoiseTooLarge { factor, at_least } => {
-                write!(f, "the measurement noise R is {} times too large", Factor(factor, *at_least))
+                write!(f, "the measurement noise R is {} times too large", Factor(factor, *at_least))?;
+                if factor.low > MOST_FACTOR {
+                    f.write_str("; the measurements hold hardly any noise (made or smoothed ones?)")?;
+                }
+                Ok(())
             }
             Finding::ProcessNoiseTooSmall { lag1 } => write!(
                 f,
@@ -173,20 +204,26 @@ impl fmt::Display for Finding {
     }
 }
 
-/// "about 2.3 (2.1 to 2.6)", "many" where no number can be told, or "at least about ..." where the interval or the claim has no upper end.
+/// A larger factor of a noise says no more than that there is hardly any.
+const MOST_FACTOR: f64 = 1000.0;
+
+/// "about 2.3 (2.1 to 2.6)", "at least 2.1" where the interval has no upper end, "at least about ..." where the claim
+/// has none, "more than 1000" beyond all sense.
 struct Factor<'a>(&'a Interval, bool);
 
 impl fmt::Display for Factor<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Factor(Interval { value, low, high }, at_least) = self;
-        if !low.is_finite() {
-            return f.write_str("many");
+        // Beyond ten a digit after the point tells nothing.
+        let digits = usize::from(*low < 10.0);
+        if *low > MOST_FACTOR {
+            return write!(f, "more than {MOST_FACTOR}");
         }
-        if !high.is_finite() {
-            return write!(f, "at least {low:.1}");
+        if *high > MOST_FACTOR {
+            return write!(f, "at least {low:.digits$}");
         }
         let bound = if *at_least { "at least " } else { "" };
-        write!(f, "{bound}about {value:.1} ({low:.1} to {high:.1})")
+        write!(f, "{bound}about {value:.digits$} ({low:.digits$} to {high:.digits$})")
     }
 }
 
@@ -210,11 +247,15 @@ pub struct Assessment {
     pub sensor: String,
     /// How many innovations were judged.
     pub samples: usize,
-    /// Mean NIS over the dimension, with the limits beyond which it raises an alarm; `None` without innovations.
+    /// Mean NIS over the dimension, with the limits beyond which it raises an alarm, made up for what a gate cut off;
+    /// `None` without innovations. With a finding of heavy tails it is that of the innovations but the outliers, so
+    /// that its `samples` are fewer.
     pub nis: Option<MeanChiSquare>,
+    /// The same mean of all innovations.
+    pub nis_of_all: Option<f64>,
     /// Correlation of neighbouring innovations over all components; `None` where no component has neighbours.
     pub lag1: Option<Interval>,
-    /// How many innovations lie beyond the 99.9 % bound of the bulk.
+    /// How many innovations lie beyond the 99.9 % bound of a normal law of the size of the bulk.
     pub outliers: usize,
     /// Component by component.
     pub components: Vec<ComponentAssessment>,
@@ -250,7 +291,7 @@ impl fmt::Display for Assessment {
 /// [`Error::NotFinite`] or [`Error::OutOfRange`] for a NIS value, a component or a noise share that is none,
 /// [`Error::Empty`] for a dimension of zero.
 pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
-    let SensorInnovations { sensor, dimension, nis, components, noise_share, heavy_tails_expected } =
+    let SensorInnovations { sensor, dimension, components, noise_share, heavy_tails_expected, .. } =
         innovations;
     for series in components.iter().flat_map(|c| &c.series) {
         Error::all_finite("whitened innovation", series)?;
@@ -262,9 +303,15 @@ pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
     if *dimension == 0 {
         return Err(Error::Empty { what: "degrees of freedom" });
     }
+    if let Some(value) = innovations.gate.filter(|inside| !(*inside > 0.0 && *inside < 1.0)) {
+        return Err(Error::OutOfRange { what: "the gate", value, needs: "it must lie between 0 and 1" });
+    }
+    Error::all_finite("normalised error", &innovations.nis)?;
+    let cut = innovations.gate.map_or(1.0, |inside| mean_inside(inside, *dimension as f64));
+    let nis: &[f64] = &innovations.nis.iter().map(|v| v / cut).collect::<Vec<_>>();
 
-    // Size, correlation and tails are one test each, the mean one per component.
-    let tests = (3 + components.len()) as f64;
+    // Size, correlation, tails and gate are one test each, the mean one per component.
+    let tests = (3 + usize::from(innovations.gate.is_some()) + components.len()) as f64;
     let confidence = 1.0 - FALSE_ALARM / tests;
     let limit = normal_quantile(0.5 + confidence / 2.0);
     let moments: Vec<Moments> = components.iter().map(Moments::of).collect();
@@ -273,13 +320,18 @@ pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
         sensor: sensor.clone(),
         samples: nis.len(),
         nis: if nis.is_empty() { None } else { Some(anees(nis, *dimension, confidence)?) },
+        nis_of_all: None,
         lag1: lag.map(Lag::interval),
         outliers: 0,
         components: moments.iter().map(Moments::assessment).collect(),
         findings: Vec::new(),
     };
-    if nis.len() < ENOUGH {
+    assessment.nis_of_all = assessment.nis.map(|all| all.mean);
+    assessment.findings.extend(refusals(innovations, confidence));
+    if nis.len() < ENOUGH && assessment.findings.is_empty() {
         assessment.findings.push(Finding::TooFew { samples: nis.len() });
+    }
+    if nis.len() < ENOUGH {
         return Ok(assessment);
     }
 
@@ -292,15 +344,15 @@ pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
 
     let bulk = bulk(nis, *dimension as f64);
     assessment.outliers = nis.len() - bulk.len();
-    // Outliers are rare and independent: their number is Poisson, whose upper tail is a chi-square integral.
-    let chance = chi_square_cdf(
-        2.0 * nis.len() as f64 * (1.0 - OUTLIER_LEVEL),
-        2.0 * assessment.outliers.max(1) as f64,
-    );
+    let chance = chance_of(assessment.outliers, nis.len() as f64 * (1.0 - OUTLIER_LEVEL));
     let heavy = assessment.outliers as f64 > OUTLIERS_MATTER * nis.len() as f64 && chance < 1.0 - confidence;
     if heavy && !heavy_tails_expected {
         let (outliers, samples) = (assessment.outliers, nis.len());
-        assessment.findings.push(Finding::HeavyTails { outliers, samples });
+        let few = outliers as f64 <= FEW_OUTLIERS * samples as f64;
+        // Around what is half as large as foretold a gate has its edge too far out.
+        let as_foretold = bulk.iter().sum::<f64>() > 0.5 * (bulk.len() * dimension) as f64;
+        let gate_helps = innovations.gate.is_none() && few && as_foretold;
+        assessment.findings.push(Finding::HeavyTails { outliers, samples, gate_helps });
     }
     let size = anees(if heavy { &bulk } else { nis }, *dimension, confidence)?;
     if heavy {
@@ -313,6 +365,31 @@ pub fn assess(innovations: &SensorInnovations) -> Result<Assessment> {
         assessment.findings.push(Finding::Consistent);
     }
     Ok(assessment)
+}
+
+/// What the gate says.
+fn refusals(innovations: &SensorInnovations, confidence: f64) -> Option<Finding> {
+    let refused = innovations.refused;
+    let measurements = innovations.nis.len() + refused;
+    let expected = measurements as f64 * (1.0 - innovations.gate?);
+    // A gate counts by the normal law: of heavier tails it refuses more, and that is what it is for.
+    let matters = if innovations.heavy_tails_expected { FEW_OUTLIERS } else { OUTLIERS_MATTER };
+    let least = (matters * measurements as f64).max(2.0 * expected);
+    let significant = refused as f64 > least && chance_of(refused, expected) < 1.0 - confidence;
+    significant.then_some(Finding::Refused { refused, measurements, expected })
+}
+
+/// Probability of `count` or more of what is rare and independent, `expected` on average: the upper tail of a Poisson
+/// law, which is a chi-square integral. 1 for a count of zero would be exact; the value for one is what is told.
+fn chance_of(count: usize, expected: f64) -> f64 {
+    chi_square_cdf(2.0 * expected, 2.0 * count.max(1) as f64)
+}
+
+/// Mean of a chi-square number that passed a gate which holds `inside` of all, over the mean without a gate:
+/// E[x; x < t] = d F(t; d + 2).
+fn mean_inside(inside: f64, degrees: f64) -> f64 {
+    let edge = chi_square_quantile(inside, degrees);
+    chi_square_cdf(edge, degrees + 2.0) / inside
 }
 
 /// The table of the module's head.
@@ -332,9 +409,12 @@ fn noise_finding(size: &MeanChiSquare, lag: Option<Lag>, limit: f64, share: Opti
         }
         (-1, ..) => {
             let Interval { value, low, high } = measurement_noise_factor(size, lag, share);
-            // A bound at or below zero leaves the other side open.
+            // A bound at or below zero leaves the other side open; what the size alone tells holds always.
             let inverse = |x: f64| if x > 0.0 { 1.0 / x } else { f64::INFINITY };
-            let factor = Interval { value: inverse(value), low: inverse(high), high: inverse(low) };
+            let Interval { high: nearest, .. } = measurement_noise_factor(size, lag, None);
+            let told = if high > 0.0 { inverse(high).min(MOST_FACTOR) } else { 0.0 };
+            let least = inverse(nearest).max(told);
+            let factor = Interval { value: inverse(value), low: least, high: inverse(low) };
             Some(Finding::MeasurementNoiseTooLarge { factor, at_least: share.is_none() })
         }
         _ => None,
@@ -509,7 +589,7 @@ mod tests {
             nis,
             components,
             noise_share: Some(share),
-            heavy_tails_expected: false,
+            ..SensorInnovations::default()
         }
     }
 
@@ -571,8 +651,7 @@ mod tests {
             dimension: 1,
             nis: series.iter().map(|v| (v - 0.8) * (v - 0.8)).collect(),
             components: vec![WhitenedComponent { name: "bearing".into(), series: vec![series] }],
-            noise_share: None,
-            heavy_tails_expected: false,
+            ..SensorInnovations::default()
         };
         let judged = assess(&innovations).unwrap();
         let [Finding::Biased { component, mean }] = &judged.findings[..] else { panic!("{judged}") };
@@ -618,6 +697,85 @@ mod tests {
         };
         assert!(factor.low > 1.0 && factor.value < 4.0);
         assert!(judged.to_string().contains("at least about"), "{judged}");
+    }
+
+    /// White innovations of a filter with a gate: what it refuses is no outlier and no reason to call R too large.
+    fn gated(inside: f64, count: usize, scale: f64, seed: u64) -> SensorInnovations {
+        let mut noise = Noise(seed);
+        let edge = chi_square_quantile(inside, 2.0);
+        let (mut nis, mut refused) = (Vec::new(), 0);
+        for _ in 0..count {
+            let value = scale * (noise.normal().powi(2) + noise.normal().powi(2));
+            if value > edge { refused += 1 } else { nis.push(value) }
+        }
+        SensorInnovations { dimension: 2, nis, gate: Some(inside), refused, ..SensorInnovations::default() }
+    }
+
+    /// False alarms as without a gate: of 200 runs at most 10 + 4 sqrt(200 0.05 0.95) = 22.
+    #[test]
+    fn a_gate_of_right_models_raises_no_alarm() {
+        for inside in [0.9, 0.99, 0.999] {
+            let alarms = |seed: &u64| !assess(&gated(inside, 300, 1.0, *seed)).unwrap().is_consistent();
+            let alarms = (0..200).filter(alarms).count();
+            assert!(alarms <= 22, "{inside}: {alarms} false alarms of 200");
+        }
+    }
+
+    #[test]
+    fn a_gate_that_refuses_too_much_is_told() {
+        let judged = assess(&gated(0.99, 300, 4.0, 1)).unwrap();
+        let Finding::Refused { refused, measurements: 300, expected } = judged.findings[0] else {
+            panic!("{judged}")
+        };
+        // Beyond the 0.99 quantile of a law four times as large lie 0.01^(1/4) = 0.316 +- 0.027.
+        assert!((60..130).contains(&refused) && (expected - 3.0).abs() < 1e-9, "{judged}");
+        assert!(!judged.to_string().contains("use a gate"), "{judged}");
+        // Where next to nothing was let in, that is the finding, and not that there is too little to judge.
+        let shut = SensorInnovations { refused: 198, ..gated(0.999, 2, 1.0, 1) };
+        let judged = assess(&shut).unwrap();
+        assert!(matches!(judged.findings[..], [Finding::Refused { refused: 198, .. }]), "{judged}");
+        assert!(judged.is_judged() && !judged.is_consistent());
+    }
+
+    /// A quarter of the innovations as foretold, the others a hundred times smaller: each number says what it is of.
+    #[test]
+    fn numbers_with_and_without_outliers_do_not_contradict_each_other() {
+        let mut noise = Noise(8);
+        let mut draw = |i: usize| (if i % 4 == 0 { 1.0 } else { 0.01 }) * noise.normal().powi(2);
+        let nis: Vec<f64> = (0..2000).map(&mut draw).collect();
+        let innovations =
+            SensorInnovations { dimension: 1, nis, noise_share: Some(0.05), ..Default::default() };
+        let judged = assess(&innovations).unwrap();
+        let [
+            Finding::HeavyTails { outliers, gate_helps: false, .. },
+            Finding::MeasurementNoiseTooLarge { factor, .. },
+        ] = &judged.findings[..]
+        else {
+            panic!("{judged}")
+        };
+        let (bulk, all) = (judged.nis.unwrap(), judged.nis_of_all.unwrap());
+        assert_eq!(bulk.samples + outliers, 2000);
+        // All: 0.25 + 0.75 / 100 with a standard error of sqrt(2 / 500) / 4 = 0.016.
+        assert!(bulk.mean < 0.05 && (all - 0.2575).abs() < 5.0 * 0.016, "{judged}");
+        // With so small a share of noise in S the size alone tells: at least as much as it is too small.
+        assert!(factor.low.is_finite() && factor.low > 20.0 && factor.high.is_infinite(), "{judged}");
+        let text = judged.to_string();
+        assert!(text.contains("times too large") && !text.contains("many"), "{text}");
+    }
+
+    #[test]
+    fn data_without_noise_are_called_so() {
+        let innovations = SensorInnovations {
+            dimension: 2,
+            nis: (0..100).map(|i| 1e-10 * (1.0 + f64::from(i % 5))).collect(),
+            noise_share: Some(0.5),
+            ..SensorInnovations::default()
+        };
+        let text = assess(&innovations).unwrap().to_string();
+        assert!(
+            text.contains("R is more than 1000 times too large; the measurements hold hardly any noise"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -9,8 +9,10 @@ pub mod consistency;
 mod distribution;
 pub mod error;
 pub mod metric;
+mod number;
 pub mod report;
 pub mod scenario;
 pub mod score;
 
 pub use error::{Error, Result};
+pub use number::{number, signed};

@@ -7,10 +7,12 @@
 //! Errors, CRPS, NEES and coverage are of each point of an estimate that has a true position at its time; GOSPA and
 //! OSPA are of the sets of all targets at each time at which there is any estimate, averaged over these times.
 
+use crate::consistency::ENOUGH;
 use crate::error::Result;
 use crate::metric::{
     anees, coverage, crps_gaussian, gospa, median_error, ospa, rmse, squared_mahalanobis_if_definite,
 };
+use crate::number::{number, signed};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -82,6 +84,12 @@ impl Default for Rules {
     }
 }
 
+/// Errors and covariances disagree from this NEES on, and from its inverse down: a factor of 1.4 in lengths. Values
+/// along a track depend on each other, so that the interval of independent ones would call out honest tracks.
+const DISAGREES: f64 = 2.0;
+/// So many tracks are told by name in a sentence.
+const MOST_OFFSETS: usize = 3;
+
 /// How estimates found their truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -127,6 +135,29 @@ pub struct Score {
     pub note: String,
 }
 
+/// By how much the estimates of one track are off on average.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Offset {
+    /// The track.
+    pub id: String,
+    /// Mean of estimate less truth along x, metres.
+    pub x_m: f64,
+    /// Along y, metres.
+    pub y_m: f64,
+    /// Of so many estimates.
+    pub estimates: usize,
+}
+
+/// How well covariances and errors agree once every track is shifted by its [`Offset`]: what an offset does not
+/// explain.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Centred {
+    /// NEES over its dimension.
+    pub nees: f64,
+    /// Share of the true positions inside the 95 % ellipses.
+    pub coverage95: f64,
+}
+
 /// Scores, and of what they are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores {
@@ -136,6 +167,11 @@ pub struct Scores {
     pub instants: Instants,
     /// Every metric that the estimates allow, in the order of tables; none if no estimate has a true position.
     pub scores: Vec<Score>,
+    /// Tracks of at least [`ENOUGH`](crate::consistency::ENOUGH) estimates that have a true way by identity or for lack
+    /// of a choice, with what they are off by.
+    pub offsets: Vec<Offset>,
+    /// NEES and coverage without these offsets; `None` where there are none.
+    pub centred: Option<Centred>,
 }
 
 /// The identity in the truth: the second track of target `A` is called `A#2`, and the first one of a target `A#2` is
@@ -161,19 +197,29 @@ pub fn score(estimates: &Ways, truth: &Ways, rules: &Rules) -> Result<Scores> {
         _ => Association::Gospa,
     };
     let mut pairs = Pairs::default();
+    let mut offsets = Vec::new();
     for (id, way) in estimates {
         let own = match association {
             Association::Id => truth.get(target_of(id, truth)),
             Association::Only => truth.values().next(),
             Association::Gospa => break,
         };
+        let first = pairs.estimate.len();
         for point in &way.0 {
             pairs.compare(point, own.and_then(|own| own.at(point.time, rules.max_gap)))?;
         }
+        offsets.extend(pairs.centre(id, first));
     }
     let sets = pairs.compare_sets(estimates, truth, rules, association == Association::Gospa)?;
     let scores = if pairs.instants.compared > 0 { pairs.scores(&sets, rules)? } else { Vec::new() };
-    Ok(Scores { association, instants: pairs.instants, scores })
+    let centred = match pairs.centred.len() {
+        0 => None,
+        _ => Some(Centred {
+            nees: anees(&pairs.centred, 2, 0.95)?.mean,
+            coverage95: coverage(&pairs.centred, 2, &[0.95])?[0].share(),
+        }),
+    };
+    Ok(Scores { association, instants: pairs.instants, scores, offsets, centred })
 }
 
 /// Estimates beside the truth they belong to.
@@ -182,10 +228,13 @@ struct Pairs {
     instants: Instants,
     estimate: Vec<[f64; 2]>,
     truth: Vec<[f64; 2]>,
+    covariance: Vec<Option<[f64; 3]>>,
     /// CRPS of x and of y, of estimates with a covariance.
     crps: Vec<f64>,
     /// Of estimates whose covariance is regular.
     nees: Vec<f64>,
+    /// The same of tracks that are shifted by what they are off on average.
+    centred: Vec<f64>,
 }
 
 /// Distances between the set of estimates and that of true positions, averaged over instants.
@@ -208,6 +257,7 @@ impl Pairs {
         let index = self.estimate.len();
         self.estimate.push(point.position);
         self.truth.push(truth);
+        self.covariance.push(point.covariance);
         let Some([xx, xy, yy]) = point.covariance else {
             self.instants.without_covariance += 1;
             return Ok(());
@@ -221,6 +271,28 @@ impl Pairs {
             None => self.instants.singular += 1,
         }
         Ok(())
+    }
+
+    /// What the track is off by whose pairs begin at `first`; `None` for a few.
+    fn centre(&mut self, id: &str, first: usize) -> Option<Offset> {
+        let errors: Vec<[f64; 2]> = self.estimate[first..]
+            .iter()
+            .zip(&self.truth[first..])
+            .map(|(e, t)| [e[0] - t[0], e[1] - t[1]])
+            .collect();
+        if errors.len() < ENOUGH {
+            return None;
+        }
+        let mean = |axis: usize| errors.iter().map(|e| e[axis]).sum::<f64>() / errors.len() as f64;
+        let (x_m, y_m) = (mean(0), mean(1));
+        for (error, covariance) in errors.iter().zip(&self.covariance[first..]) {
+            let Some([xx, xy, yy]) = *covariance else { continue };
+            // A singular one is counted where it is compared.
+            let error = [error[0] - x_m, error[1] - y_m];
+            self.centred
+                .extend(squared_mahalanobis_if_definite(&error, &[xx, xy, xy, yy], first).ok().flatten());
+        }
+        Some(Offset { id: id.to_owned(), x_m, y_m, estimates: errors.len() })
     }
 
     /// Sets at every time of an estimate: a truth that lasts longer than the recording is not missed. `by_place` takes
@@ -304,6 +376,58 @@ impl Pairs {
 }
 
 impl Scores {
+    /// The value of this key.
+    fn value(&self, key: &str) -> Option<f64> {
+        self.scores.iter().find(|score| score.key == key).map(|score| score.value)
+    }
+
+    /// Where errors are not as large as the covariances say: by how much, and whether a mean error explains it.
+    /// `consistent` tells that the innovations contradicted nothing, which then asks for a word. `None` where errors
+    /// and covariances agree or nobody can tell.
+    pub fn against_truth(&self, consistent: bool) -> Option<String> {
+        let (nees, inside) = (self.value("nees")?, self.value("coverage95")?);
+        let agree =
+            if consistent { "the tracks agree with their own measurements, but " } else { "the tracks " };
+        let found = format!(
+            "(nees {}, 1 expected; {:.0} % of the true positions inside the 95 % ellipses)",
+            number(nees),
+            100.0 * inside
+        );
+        if nees < 1.0 / DISAGREES {
+            return Some(format!("{agree}are nearer to the truth than their covariances say {found}"));
+        }
+        if nees <= DISAGREES {
+            return None;
+        }
+        let mut text = format!("{agree}are farther from the truth than their covariances say {found}");
+        let Some(centred) = self.centred else { return Some(text) };
+        let without = format!(
+            "without the mean offset of each track nees is {}, and {:.0} % are inside",
+            number(centred.nees),
+            100.0 * centred.coverage95
+        );
+        if centred.nees > nees / DISAGREES {
+            text += &format!("; no mean offset explains it: {without}");
+            return Some(text);
+        }
+        text += "; on average ";
+        for (i, Offset { id, x_m, y_m, .. }) in self.offsets.iter().take(MOST_OFFSETS).enumerate() {
+            let comma = if i == 0 { "" } else { ", " };
+            text += &format!("{comma}track {id} is off by ({}, {}) m", signed(*x_m), signed(*y_m));
+        }
+        if self.offsets.len() > MOST_OFFSETS {
+            text += &format!(" and {} more tracks likewise", self.offsets.len() - MOST_OFFSETS);
+        }
+        let much = if centred.nees > DISAGREES {
+            ", so that it explains a part"
+        } else {
+            ", so that it explains it"
+        };
+        text +=
+            &format!(", a bias that no innovation shows where the measurements share it; {without}{much}");
+        Some(text)
+    }
+
     /// What was compared, and what was left out, as a sentence.
     pub fn sentence(&self) -> String {
         let how = match self.association {
@@ -359,6 +483,39 @@ mod tests {
         for (id, target) in pairs {
             assert_eq!(target_of(id, &truth), target);
         }
+    }
+
+    /// Thirty estimates, three metres off along x, with variances of one square metre: NEES is 9 / 2 + what the
+    /// scatter adds, and without the offset the scatter alone.
+    #[test]
+    fn an_offset_is_told_from_errors_that_scatter() {
+        let track = |offset: f64, scatter: f64| -> Vec<Point> {
+            (0..30)
+                .map(|k| {
+                    let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+                    point(f64::from(k), f64::from(k) + offset + scatter * side, UNIT)
+                })
+                .collect()
+        };
+        let truth = ways(&[("a", &track(0.0, 0.0))]);
+        let found = |points: &[Point]| score(&ways(&[("a", points)]), &truth, &Rules::default()).unwrap();
+        let off = found(&track(3.0, 1.0));
+        assert_eq!((off.offsets[0].x_m, off.offsets[0].y_m, off.offsets[0].estimates), (3.0, 0.0, 30));
+        assert_eq!(off.centred, Some(Centred { nees: 0.5, coverage95: 1.0 }));
+        let text = off.against_truth(true).unwrap();
+        assert!(text.starts_with("the tracks agree with their own measurements, but are farther"), "{text}");
+        assert!(
+            text.contains("nees 5.000, 1 expected") && text.contains("track a is off by (+3.00, +0.00) m"),
+            "{text}"
+        );
+        assert!(text.ends_with("nees is 0.500, and 100 % are inside, so that it explains it"), "{text}");
+        let wide = found(&track(0.0, 3.0));
+        assert!(wide.against_truth(false).unwrap().contains("no mean offset explains it"), "{wide:?}");
+        assert_eq!(found(&track(0.0, 1.4)).against_truth(true), None);
+        assert!(found(&track(0.0, 0.1)).against_truth(true).unwrap().contains("nearer to the truth"));
+        // A few estimates have no mean worth telling.
+        let few = found(&track(3.0, 0.0)[..5]);
+        assert!(few.offsets.is_empty() && few.centred.is_none() && few.against_truth(true).is_some());
     }
 
     #[test]

@@ -9,7 +9,7 @@
 //! |---|---|
 //! | key 0, 1 | seed, low and high half; [`Stream::fork`] replaces it by a hash of itself and a label (target, run) |
 //! | counter 0 | index: particle, or number of the call where one call serves several particles |
-//! | counter 1 | bits 0..8 the [`Purpose`], bits 8..32 the number of the call for the same index (1: seeds of xoshiro) |
+//! | counter 1 | bits 0..8 the [`Purpose`], bits 8..32 the number of the call of the same index (1: seeds of xoshiro) |
 //! | counter 2, 3 | step, low and high half |
 
 use crate::math::Real;

@@ -59,7 +59,7 @@ pub(super) fn run(global: &Global, quick: bool, console: &Console) -> Result<Exi
     } else {
         console.result(&table(&rows, scaling, &bench::peers()))?;
     }
-    Ok(Exit::Done)
+    Ok(if run::interrupted() { Exit::CouldNot } else { Exit::Done })
 }
 
 fn table(rows: &[Row], scaling: Option<f64>, peers: &[Peer]) -> String {

@@ -14,6 +14,7 @@ use std::time::Instant;
 use zerre::Span;
 use zerre_io::{Options, Trajectories};
 use zerre_lab::metric::METRICS;
+use zerre_lab::number;
 use zerre_lab::score::{Point, Rules, Score, Way, Ways, score};
 
 const COMMAND: &str = "compare";
@@ -88,9 +89,13 @@ pub(super) fn run(args: &Compare, options: &Global, console: &Console) -> Result
             scores.iter().map(|score| (score.key.to_owned(), json!(score.value))).collect();
         console.document(&json!({
             "association": found.association, "instants": found.instants, "scores": keys,
+            "offsets": found.offsets, "without_offsets": found.centred,
         }))?;
     } else {
         console.info(found.sentence());
+        if let Some(text) = found.against_truth(false).filter(|_| args.metric.is_empty()) {
+            console.info(text);
+        }
         console.result(&table(&scores))?;
     }
     Ok(Exit::Done)
@@ -126,7 +131,7 @@ pub(super) fn ways(table: &Trajectories) -> Ways {
 fn table(scores: &[&Score]) -> String {
     let mut text = String::new();
     for Score { key, value, unit, note, .. } in scores {
-        let line = format!("{key:<20} {value:>12.4} {unit:<2} {note}");
+        let line = format!("{key:<20} {:>12} {unit:<2} {note}", number(*value));
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", line.trim_end());
     }

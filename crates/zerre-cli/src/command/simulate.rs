@@ -56,8 +56,8 @@ pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Resul
     let path = folder.finish(&record)?;
     if console.json() {
         console.document(&json!({
-            "scenario": args.scenario, "runs": made, "targets": scenario.target.len(), "true_points": points,
-            "measurements": measured, "out": path.display().to_string(),
+            "scenario": args.scenario, "state": record.state, "runs": made, "targets": scenario.target.len(),
+            "true_points": points, "measurements": measured, "out": path.display().to_string(),
         }))?;
     }
     let s = if made == 1 { "" } else { "s" };
@@ -70,7 +70,7 @@ pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Resul
             "they are numbers on one axis, for filters of the library: `zerre track` has no sensor for them",
         );
     }
-    Ok(Exit::Done)
+    Ok(if made < runs { Exit::CouldNot } else { Exit::Done })
 }
 
 fn pretty(value: &serde_json::Value) -> Result<String, Diagnostic> {

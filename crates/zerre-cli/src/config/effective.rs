@@ -233,7 +233,9 @@ mod tests {
         toml::from_str::<toml::Table>(&effective.to_string()).unwrap();
         assert_eq!(
             effective.to_json().to_string(),
-            r#"{"filter":{"name":"particle"},"input":{"max_rejected":0.01},"motion":{"model":"singer"},"sensor":{"a b":{"range_sd_m":25.0}},"track":{"max_gap_s":60.0}}"#
+            r#"{"filter":{"name":"particle"},"input":{"max_rejected":0.01},"motion":{"model":"singer"},"#
+                .to_owned()
+                + r#""sensor":{"a b":{"range_sd_m":25.0}},"track":{"max_gap_s":60.0}}"#
         );
     }
 

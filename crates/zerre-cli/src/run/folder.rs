@@ -114,7 +114,10 @@ impl Folder {
         if entries.next().is_some() && !place.force {
             if place.explicit {
                 return Err(Diagnostic::new(format!("the folder {} is not empty", path.display()))
-                    .help("name another one, or give --force: files of an earlier run and of the same names are then replaced"));
+                    .help(
+                        "name another one, or give --force: files of an earlier run and of the same names are then \
+                         replaced",
+                    ));
             }
             if earlier.is_none() {
                 let what = format!("the folder {} holds files that zerre did not write", path.display());

@@ -6,7 +6,8 @@ use std::f64::consts::{PI, TAU};
 pub(super) const INFO: MetricInfo = MetricInfo {
     name: "crps",
     about: "continuous ranked probability score of one component: error and honesty in one number, less is better",
-    source: "Gneiting and Raftery, J. of the American Statistical Association 102, 2007, doi:10.1198/016214506000001437",
+    source: "Gneiting and Raftery, J. of the American Statistical Association 102, 2007, \
+             doi:10.1198/016214506000001437",
     unit: "state",
 };
 

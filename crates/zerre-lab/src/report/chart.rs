@@ -1,6 +1,6 @@
 //! A small time series: bands, lines, dots and levels over one axis of time.
 
-use super::svg::{At, Escaped, Range, Ticks, dots, path, thinned};
+use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, thinned};
 
 const WIDTH: f64 = 360.0;
 const HEIGHT: f64 = 178.0;
@@ -21,10 +21,18 @@ pub(super) enum Layer {
     Level(f64),
 }
 
+/// What the dots of a class are.
+pub(super) struct Key {
+    pub class: &'static str,
+    pub name: String,
+}
+
 /// One picture.
 pub(super) struct Chart<'a> {
     /// For the caption and for screen readers.
     pub title: &'a str,
+    /// Follows the title: each name behind a dot as the picture draws it.
+    pub key: Vec<Key>,
     /// Unit of the values; empty for pure numbers.
     pub unit: &'a str,
     /// Time shown, in `time_unit`.
@@ -48,9 +56,13 @@ impl Chart<'_> {
         let y = |v: f64| (values.high - v) / values.span() * height;
 
         let unit = if self.unit.is_empty() { String::new() } else { format!(" ({})", Escaped(self.unit)) };
+        let marks: Vec<_> = self.key.iter().map(|key| self.mark(key)).collect();
+        let names: Vec<_> = self.key.iter().map(|key| Escaped(&key.name).to_string()).collect();
+        let colon = if self.key.is_empty() { "" } else { ": " };
+        let (marks, names) = (marks.join(", "), names.join(", "));
         let mut out = format!(
-            "<figure class=\"chart\"><figcaption>{title}<span class=\"unit\">{unit}</span></figcaption>\
-             <svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{title}{unit} over time\" \
+            "<figure class=\"chart\"><figcaption>{title}{colon}{marks}<span class=\"unit\">{unit}</span></figcaption>\
+             <svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{title}{colon}{names}{unit} over time\" \
              data-x0=\"{}\" data-x1=\"{}\" data-y0=\"{}\" data-y1=\"{}\" data-tu=\"{}\" data-vu=\"{}\">",
             self.time.low,
             self.time.high,
@@ -78,7 +90,8 @@ impl Chart<'_> {
         let ticks = Ticks::between(self.time.low, self.time.high, 6.0);
         let floor = TOP + height;
         for t in &ticks.at {
-            let (at, base, label) = (At(LEFT + x(*t)), floor + 14.0, ticks.label(*t));
+            let (base, label) = (floor + 14.0, ticks.label(*t));
+            let at = At(inside(LEFT + x(*t), &label, 11.0, WIDTH));
             out.push_str(&format!("<text x=\"{at}\" y=\"{base}\">{label}</text>"));
         }
         out.push_str(&format!(
@@ -92,6 +105,18 @@ impl Chart<'_> {
         }
         out.push_str("</svg></svg></figure>");
         out
+    }
+
+    /// A name behind its dot; alone it needs none.
+    fn mark(&self, Key { class, name }: &Key) -> String {
+        if self.key.len() == 1 {
+            return Escaped(name).to_string();
+        }
+        format!(
+            "<svg class=\"mark\" viewBox=\"0 0 10 10\" aria-hidden=\"true\">\
+             <path class=\"{class}\" d=\"M5,5h0\"/></svg>{}",
+            Escaped(name)
+        )
     }
 
     fn layer(&self, layer: &Layer, x: &dyn Fn(f64) -> f64, y: &dyn Fn(f64) -> f64, width: f64) -> String {

@@ -41,6 +41,8 @@ pub struct RunReport {
     pub counts: Counts,
     /// Scores against truth; empty without.
     pub scores: Vec<Score>,
+    /// Where errors and covariances disagree, as a sentence.
+    pub against_truth: Option<String>,
     /// The effective configuration as text.
     pub config_text: String,
     /// Digest of the estimates.
@@ -129,8 +131,6 @@ pub struct SensorReport {
     pub position: Option<[f64; 2]>,
     /// How many of its measurements updated a track.
     pub used: u64,
-    /// How many were expected and absent.
-    pub missing: u64,
     /// How many lay outside the gate.
     pub gated: u64,
     /// What its innovations say.
@@ -144,8 +144,12 @@ pub struct Counts {
     pub read: u64,
     /// Rows used.
     pub used: u64,
-    /// Rows that hold no measurement.
+    /// Empty cells where a measurement could stand; a row may have several.
     pub missing: u64,
+    /// Sound rows that give no new measurement, by reason.
+    pub left_out: Vec<(String, u64)>,
+    /// Rows that were earlier than one before them, and were sorted by time.
+    pub out_of_order: u64,
     /// Rows refused, by reason.
     pub rejected: Vec<Rejection>,
 }
@@ -329,14 +333,25 @@ mod tests {
     fn what_is_known_is_on_the_page() {
         let mut r = report(1, 40);
         r.digest = "abc123".into();
-        r.counts = Counts { read: 41, used: 40, missing: 1, rejected: Vec::new() };
+        r.counts = Counts {
+            read: 43,
+            used: 40,
+            missing: 5,
+            left_out: vec![("repeated".into(), 3)],
+            out_of_order: 2,
+            rejected: Vec::new(),
+        };
+        r.against_truth = Some("the tracks are off".into());
         r.sensors[0].components = vec!["range".into(), "bearing".into()];
         let page = render(&r);
         for text in [
             "abc123",
-            "41 rows read, 40 used, 1 without",
+            "43 rows read: 40 used, 3 left out (repeated: 3)",
+            "2 of them were out of order",
+            "5 cells were empty",
+            "<li>the tracks are off</li>",
             "No row was rejected",
-            "innovations: range (coloured), bearing (dark)",
+            "aria-label=\"innovations: range, bearing (σ) over time\"",
             "NIS, 95 % between",
             "effective sample size of 500 particles",
             "position error (shaded",
@@ -366,7 +381,13 @@ mod tests {
             covariances in prop::collection::vec(prop::array::uniform3(prop::num::f64::ANY), 0..6),
             sensor in any::<usize>(),
         ) {
-            let innovation = |&time_s: &f64| InnovationRow { time_s, sensor, nis: time_s, whitened: numbers.clone() };
+            let innovation =
+                |&time_s: &f64| InnovationRow { time_s, sensor, nis: time_s, whitened: numbers.clone() };
+            let truth = TruthSeries {
+                times_s: numbers.clone(),
+                position: places.clone(),
+                states: vec![numbers.clone()],
+            };
             let r = RunReport {
                 tracks: vec![TrackSeries {
                     states: vec![StateInfo::default(); 2],
@@ -376,9 +397,9 @@ mod tests {
                     innovations: times.iter().map(innovation).collect(),
                     log_evidence: numbers.clone(),
                     plots: places.clone(),
-                    position: places.clone(),
+                    position: places,
                     position_cov: covariances,
-                    truth: Some(TruthSeries { times_s: numbers.clone(), position: places, states: vec![numbers.clone()] }),
+                    truth: Some(truth),
                     times_s: times,
                     ..Default::default()
                 }],

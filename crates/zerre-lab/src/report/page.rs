@@ -1,6 +1,6 @@
 //! The page around the pictures.
 
-use super::chart::{Chart, Layer};
+use super::chart::{Chart, Key, Layer};
 use super::plan::{self, style_of};
 use super::svg::{Escaped, Range, group, readable, signed};
 use super::{RunReport, SensorReport, TrackSeries};
@@ -126,12 +126,18 @@ fn header(out: &mut String, report: &RunReport, clock: &Clock) {
 }
 
 fn verdicts(out: &mut String, report: &RunReport) {
-    if report.sensors.is_empty() {
+    if report.sensors.is_empty() && report.against_truth.is_none() {
         return;
     }
     out.push_str("<section><h2>Do the measurements agree with the model?</h2>");
     for sensor in &report.sensors {
         verdict(out, sensor);
+    }
+    if let Some(text) = &report.against_truth {
+        out.push_str(&format!(
+            "<div class=\"verdict warn\"><h3>Against the truth</h3><ul><li>{}</li></ul></div>",
+            Escaped(text)
+        ));
     }
     out.push_str("</section>\n");
 }
@@ -152,9 +158,19 @@ fn verdict(out: &mut String, sensor: &SensorReport) {
                 out.push_str(&format!("<li>{}</li>", Escaped(&finding.to_string())));
             }
             if let Some(nis) = &a.nis {
+                let left_out = a.samples - nis.samples.min(a.samples);
+                let (of, all) = match a.nis_of_all {
+                    Some(all) if left_out > 0 => (
+                        format!(" without the {} outliers", group(left_out as u64)),
+                        format!(", {} with them", readable(all)),
+                    ),
+                    _ => Default::default(),
+                };
                 numbers.push(format!(
-                    "mean NIS per degree of freedom {:.2} (1 expected, limits {:.2} to {:.2})",
-                    nis.mean, nis.low, nis.high
+                    "mean NIS per degree of freedom{of} {} (1 expected, limits {:.2} to {:.2}){all}",
+                    readable(nis.mean),
+                    nis.low,
+                    nis.high
                 ));
             }
             if let Some(lag) = &a.lag1 {
@@ -167,7 +183,7 @@ fn verdict(out: &mut String, sensor: &SensorReport) {
             }
             for c in &a.components {
                 let (mean, kurtosis) =
-                    (c.mean, c.kurtosis.map_or(String::new(), |k| format!(", kurtosis {k:.1}")));
+                    (c.mean, c.kurtosis.map_or(String::new(), |k| format!(", kurtosis {}", readable(k))));
                 numbers.push(format!(
                     "mean {} {} σ ({} to {}){kurtosis}",
                     c.name,
@@ -178,12 +194,7 @@ fn verdict(out: &mut String, sensor: &SensorReport) {
             }
         }
     }
-    numbers.push(format!(
-        "{} used, {} missing, {} outside the gate",
-        group(sensor.used),
-        group(sensor.missing),
-        group(sensor.gated)
-    ));
+    numbers.push(format!("{} used, {} outside the gate", group(sensor.used), group(sensor.gated)));
     out.push_str(&format!("</ul><p class=\"small\">{}</p></div>", Escaped(&numbers.join(" · "))));
 }
 
@@ -303,20 +314,20 @@ fn details(
     let times: Vec<f64> = track.times_s.iter().map(|t| clock.of_time(*t)).collect();
     let of_innovations = track.innovations.iter().map(|i| clock.of_time(i.time_s));
     let time = Range::over(times.iter().copied().chain(of_innovations), 0.0);
-    let mut chart = |title: &str, unit: &str, from_zero: bool, layers: Vec<Layer>| {
-        let chart = Chart { title, unit, time, time_unit: clock.unit, limit, layers, from_zero };
+    let mut chart = |title: &str, key: Vec<Key>, unit: &str, from_zero: bool, layers: Vec<Layer>| {
+        let chart = Chart { title, key, unit, time, time_unit: clock.unit, limit, layers, from_zero };
         out.push_str(&chart.render());
     };
     for (s, state) in track.states.iter().enumerate() {
         let (unit, layers) = state_layers(track, s, &state.unit, &times, clock);
-        chart(&state.name, unit, false, layers);
+        chart(&state.name, Vec::new(), unit, false, layers);
     }
     let errors = position_errors(track, clock);
     if !errors.is_empty() {
         let radius = |c: &[f64; 3]| plan::radius_95(*c);
         let band = times.iter().zip(&track.position_cov).map(|(t, c)| [*t, 0.0, radius(c)]).collect();
         let layers = vec![Layer::Band(band), Layer::Line(errors, "mean")];
-        chart("position error (shaded: 95 % radius)", "m", true, layers);
+        chart("position error (shaded: 95 % radius)", Vec::new(), "m", true, layers);
     }
     if track.ess.iter().any(Option::is_some) {
         let ess = times.iter().zip(&track.ess).map(|(t, e)| [*t, e.unwrap_or(f64::NAN)]).collect();
@@ -326,12 +337,12 @@ fn details(
             Some(n) => format!("effective sample size of {} particles", group(n as u64)),
             None => "effective sample size".into(),
         };
-        chart(&title, "", true, layers);
+        chart(&title, Vec::new(), "", true, layers);
     }
     innovation_charts(track, report, clock, &mut chart);
     if !track.log_evidence.is_empty() {
         let line = times.iter().zip(&track.log_evidence).map(|(t, l)| [*t, *l]).collect();
-        chart("log-evidence, summed", "", false, vec![Layer::Line(line, "mean")]);
+        chart("log-evidence, summed", Vec::new(), "", false, vec![Layer::Line(line, "mean")]);
     }
     out.push_str("</div></details>\n");
 }
@@ -383,9 +394,9 @@ fn innovation_charts(
     track: &TrackSeries,
     report: &RunReport,
     clock: &Clock,
-    mut chart: impl FnMut(&str, &str, bool, Vec<Layer>),
+    chart: &mut impl FnMut(&str, Vec<Key>, &str, bool, Vec<Layer>),
 ) {
-    const STYLES: [(&str, &str); 3] = [("dot0", "coloured"), ("dot1", "dark"), ("dot2", "grey")];
+    const STYLES: [&str; 3] = ["dot0", "dot1", "dot2"];
     let mut bounds: HashMap<usize, (f64, f64)> = HashMap::new();
     let last = track.innovations.iter().map(|row| row.sensor).max();
     for sensor in 0..last.map_or(0, |s| s.saturating_add(1).min(report.sensors.len())) {
@@ -396,21 +407,21 @@ fn innovation_charts(
         if dimension > 0 {
             let mut layers = vec![Layer::Level(-2.0), Layer::Level(2.0)];
             let mut shown = Vec::new();
-            for (c, (class, colour)) in STYLES.iter().enumerate().take(dimension) {
+            for (c, class) in STYLES.iter().enumerate().take(dimension) {
                 let values = rows()
                     .map(|row| [clock.of_time(row.time_s), row.whitened.get(c).copied().unwrap_or(f64::NAN)]);
                 layers.push(Layer::Dots(values.collect(), class));
                 let name = components.get(c).map_or("innovation", String::as_str);
-                shown.push(if dimension > 1 { format!("{name} ({colour})") } else { name.to_string() });
+                shown.push(Key { class, name: name.to_owned() });
             }
-            chart(&format!("innovations: {}{of}", shown.join(", ")), "σ", false, layers);
+            chart(&format!("innovations{of}"), shown, "σ", false, layers);
             let (low, high) = *bounds.entry(dimension).or_insert_with(|| {
                 let degrees = dimension as f64;
                 (chi_square_quantile(0.025, degrees), chi_square_quantile(0.975, degrees))
             });
             let nis = rows().map(|row| [clock.of_time(row.time_s), row.nis]).collect();
             let layers = vec![Layer::Level(low), Layer::Level(high), Layer::Dots(nis, "dot0")];
-            chart(&format!("NIS, 95 % between {low:.2} and {high:.2}{of}"), "", true, layers);
+            chart(&format!("NIS, 95 % between {low:.2} and {high:.2}{of}"), Vec::new(), "", true, layers);
         }
     }
 }
@@ -418,11 +429,31 @@ fn innovation_charts(
 fn input(out: &mut String, report: &RunReport) {
     let counts = &report.counts;
     out.push_str(&format!(
-        "<section><h2>Input</h2><p>{} rows read, {} used, {} without a measurement.</p>",
+        "<section><h2>Input</h2><p>{} rows read: {} used",
         group(counts.read),
-        group(counts.used),
-        group(counts.missing)
+        group(counts.used)
     ));
+    let left_out: u64 = counts.left_out.iter().map(|(_, count)| count).sum();
+    if left_out > 0 {
+        let reasons: Vec<_> =
+            counts.left_out.iter().map(|(reason, n)| format!("{}: {}", Escaped(reason), group(*n))).collect();
+        out.push_str(&format!(", {} left out ({})", group(left_out), reasons.join(", ")));
+    }
+    out.push('.');
+    if counts.out_of_order > 0 {
+        out.push_str(&format!(
+            " {} of them were out of order and sorted by time.",
+            group(counts.out_of_order)
+        ));
+    }
+    if counts.missing > 0 {
+        let cells = if counts.missing == 1 { "cell was" } else { "cells were" };
+        out.push_str(&format!(
+            " {} {cells} empty where a measurement could stand; a row may have several.",
+            group(counts.missing)
+        ));
+    }
+    out.push_str("</p>");
     if counts.rejected.is_empty() {
         out.push_str("<p>No row was rejected.</p></section>\n");
         return;

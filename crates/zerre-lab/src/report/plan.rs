@@ -1,6 +1,6 @@
 //! The plan view: tracks, measurements, ellipses and truth, with equal scales on both axes.
 
-use super::svg::{At, Escaped, Range, Ticks, dots, path, round_step, thinned};
+use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, round_step, thinned};
 use super::{RunReport, TrackSeries};
 
 const WIDTH: f64 = 860.0;
@@ -158,12 +158,13 @@ fn axes(svg: &mut String, frame: &Frame) {
     let (x_from, y_from) = (offset(&across), offset(&up));
     let mut grid = String::new();
     for v in &across.at {
-        let at = At(LEFT + (v * metres - frame.x.low) * frame.scale());
-        grid.push_str(&format!("M{at},{TOP}v{height}"));
+        let x = LEFT + (v * metres - frame.x.low) * frame.scale();
+        let label = across.label(v - x_from);
+        grid.push_str(&format!("M{},{TOP}v{height}", At(x)));
         svg.push_str(&format!(
-            "<text class=\"tick\" x=\"{at}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-            TOP + height + 18.0,
-            across.label(v - x_from)
+            "<text class=\"tick\" x=\"{}\" y=\"{}\" text-anchor=\"middle\">{label}</text>",
+            At(inside(x, &label, 12.0, WIDTH)),
+            TOP + height + 18.0
         ));
     }
     for v in &up.at {
@@ -192,7 +193,8 @@ fn axes(svg: &mut String, frame: &Frame) {
     let length = long * metres * frame.scale();
     let (right, y) = (WIDTH - RIGHT, TOP - 14.0);
     svg.push_str(&format!(
-        "<path class=\"bar\" d=\"M{},{}v8h{}v-8\"/><text class=\"tick\" x=\"{}\" y=\"{}\" text-anchor=\"end\">{} {unit}</text>",
+        "<path class=\"bar\" d=\"M{},{}v8h{}v-8\"/>\
+         <text class=\"tick\" x=\"{}\" y=\"{}\" text-anchor=\"end\">{} {unit}</text>",
         At(right - length),
         y - 4.0,
         At(length),

@@ -61,6 +61,9 @@ pub(super) fn readable(value: f64) -> String {
 
 /// Two decimals and a sign, which zero has none.
 pub(super) fn signed(value: f64) -> String {
+    if value.abs() >= 1e5 {
+        return format!("{value:+.2e}").replace('-', "−");
+    }
     match format!("{value:+.2}") {
         text if text.ends_with("0.00") && text.len() == 5 => "0.00".into(),
         text => text.replace('-', "−"),
@@ -110,6 +113,12 @@ impl Ticks {
         let sign = if value < -0.5 * self.step { "−" } else { "" };
         format!("{sign}{size:.*}", self.decimals)
     }
+}
+
+/// Where to centre a label at `x` so that none of it lies beyond `width`: digits are about 0.58 of the font's size
+/// wide.
+pub(super) fn inside(x: f64, label: &str, font: f64, width: f64) -> f64 {
+    x.min(width - 0.29 * font * label.chars().count() as f64)
 }
 
 /// The number of 1, 2 or 5 times a power of ten next to `about`.
@@ -210,6 +219,12 @@ mod tests {
         assert_eq!([signed(-0.001), signed(-0.25), signed(10.0)], ["0.00", "−0.25", "+10.00"]);
         assert_eq!(At(-0.04).to_string(), "0");
         assert_eq!(At(-12.34).to_string(), "-12.3");
+    }
+
+    #[test]
+    fn labels_stay_inside() {
+        assert_eq!(inside(300.0, "1000", 11.0, 360.0), 300.0);
+        assert!((inside(358.0, "1000", 11.0, 360.0) - (360.0 - 4.0 * 0.29 * 11.0)).abs() < 1e-9);
     }
 
     #[test]

@@ -185,7 +185,8 @@ impl<const N: usize> Cloud<N> {
         Ok(mean.map(|m| m / sum))
     }
 
-    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is lost.
+    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is
+    /// lost.
     ///
     /// # Errors
     /// A level outside [0, 1].

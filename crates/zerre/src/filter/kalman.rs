@@ -18,8 +18,8 @@ pub struct Linear;
 /// another kind are refused, because its results would not be what the name promises: use
 /// [`Extended`](super::Extended) or [`Unscented`](super::Unscented).
 ///
-/// The check costs a second Jacobian per step. What it sees is a Jacobian that differs by more than a relative 1e-12 between
-/// the mean and a point about a standard deviation and a unit off in each component.
+/// The check costs a second Jacobian per step. What it sees is a Jacobian that differs by more than a relative 1e-12
+/// between the mean and a point about a standard deviation and a unit off in each component.
 pub type Kalman<A, H, const N: usize, const W: usize, const M: usize> = GaussianFilter<Linear, A, H, N, W, M>;
 
 impl<A, H, const N: usize, const W: usize, const M: usize> Kalman<A, H, N, W, M>

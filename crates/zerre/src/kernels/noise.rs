@@ -21,8 +21,8 @@ use std::mem::MaybeUninit;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Resolution {
-    /// One 32-bit word for the radius and one for the angle, computed in `f32`: the numbers lie within +-6.77 and are off by
-    /// at most 2.4e-4 near zero and 1e-6 of themselves elsewhere.
+    /// One 32-bit word for the radius and one for the angle, computed in `f32`: the numbers lie within +-6.77 and are
+    /// off by at most 2.4e-4 near zero and 1e-6 of themselves elsewhere.
     #[default]
     Bits32,
     /// 52 bits for each, computed in `f64`.
@@ -377,8 +377,8 @@ fn unit_open_lanes<S: Token>(simd: S, bits: u64x8<S>) -> Lanes<S> {
     (Lanes(one_to_two.bitcast()) - 1.0) + 0.5 * f64::EPSILON
 }
 
-/// Uniform numbers on (0, 1) with 32-bit resolution, for resampling: number `64 c + 16 w + 8 h + j` is the middle of the
-/// cell that word `w` of call `16 c + 2 j + h` names. `first` is a multiple of 64; `out` may have any length.
+/// Uniform numbers on (0, 1) with 32-bit resolution, for resampling: number `64 c + 16 w + 8 h + j` is the middle of
+/// the cell that word `w` of call `16 c + 2 j + h` names. `first` is a multiple of 64; `out` may have any length.
 pub(crate) fn fill_uniforms(level: Simd, stream: Stream, step: u64, first: usize, out: &mut [f64]) {
     dispatch!(
         level,

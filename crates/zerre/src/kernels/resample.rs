@@ -67,7 +67,8 @@ fn shift<S: Token, const BY: i64, const REST: usize>(simd: S, x: Lanes<S>) -> La
     #[cfg(target_arch = "x86_64")]
     if let fearless_simd::Level::Avx512(token) = simd.level() {
         use std::arch::x86_64::{__m512d, _mm512_maskz_permutexvar_pd, _mm512_set_epi64};
-        // The portable slide becomes an expansion, which some processors run in microcode; a permutation is fast on all.
+        // The portable slide becomes an expansion, which some processors run in microcode; a permutation is fast on
+        // all.
         fearless_simd::kernel!(
             #[inline(always)]
             fn permute(avx512: Avx512, x: __m512d, by: i64) -> __m512d {
@@ -254,8 +255,8 @@ fn count_below<S: Token>(simd: S, weights: &[f64], at: Cumulative, ends: &mut [u
 /// Writes `first` to the places before `ends[0]`, `first + 1` from there to `ends[1]`, and so on; behind the last end
 /// `first + ends.len()`. Returns how many different indices were written.
 ///
-/// Each end leaves a mark, the index that begins there plus one; a running maximum then fills the gaps. No branch depends
-/// on the data. Of ends that rounding has out of order the later one counts.
+/// Each end leaves a mark, the index that begins there plus one; a running maximum then fills the gaps. No branch
+/// depends on the data. Of ends that rounding has out of order the later one counts.
 fn write_runs(level: Simd, ends: &[u64], first: u32, out: &mut [u32]) -> usize {
     #[inline(always)]
     fn run<S: Token>(simd: S, out: &mut [u32]) -> usize {
@@ -386,8 +387,8 @@ pub(crate) fn expand_copies(level: Simd, counts: &[u32], first: u32, out: &mut [
     (used, write_runs(level, ends, first, &mut out[..used]))
 }
 
-/// For each of the sorted `positions` (times `scale`) the first `i` such that it lies below `cumulative[i]`, or the last
-/// `i` if there is none. Both slices end with an infinity that is not part of the data.
+/// For each of the sorted `positions` (times `scale`) the first `i` such that it lies below `cumulative[i]`, or the
+/// last `i` if there is none. Both slices end with an infinity that is not part of the data.
 ///
 /// Free of branches that depend on the data; several merges run side by side, because each waits for its own loads.
 pub(crate) fn merge_sorted(cumulative: &[f64], positions: &[f64], scale: f64, out: &mut [u32]) {

@@ -118,8 +118,8 @@ pub fn sin_cos<F: Float>(x: F) -> (F, F) {
     (n.negate_if_bit1(sin), (n + 1.0).negate_if_bit1(cos))
 }
 
-/// Angle of the point (`x`, `y`) in [-pi, pi], with the sign of `y`. Error below 3e-16 + 1 ulp; atan2(0, 0) = 0 for every sign of the
-/// zeros in `x`; NaN if either is NaN or both are infinite.
+/// Angle of the point (`x`, `y`) in [-pi, pi], with the sign of `y`. Error below 3e-16 + 1 ulp; atan2(0, 0) = 0 for
+/// every sign of the zeros in `x`; NaN if either is NaN or both are infinite.
 #[inline(always)]
 pub fn atan2<F: Float>(y: F, x: F) -> F {
     const TAN_PI_8: f64 = std::f64::consts::SQRT_2 - 1.0;

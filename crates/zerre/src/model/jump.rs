@@ -65,8 +65,8 @@ impl Chain {
     /// likely at the start.
     ///
     /// # Errors
-    /// No mode or more than [`MAX_MODES`], rows that are not square, entries that are negative or not finite, a row whose
-    /// sum differs from 1 by more than 1e-9.
+    /// No mode or more than [`MAX_MODES`], rows that are not square, entries that are negative or not finite, a row
+    /// whose sum differs from 1 by more than 1e-9.
     pub fn per_step(rows: Vec<Vec<f64>>) -> Result<Self> {
         let modes = count(rows.len())?;
         for row in &rows {
@@ -86,8 +86,8 @@ impl Chain {
         Chain::per_step((0..modes).map(row).collect())
     }
 
-    /// A chain in continuous time: mode `i` lasts `mean[i]` on average, exponentially distributed, and any of the others
-    /// follows. The transition matrix is that of the time a step takes.
+    /// A chain in continuous time: mode `i` lasts `mean[i]` on average, exponentially distributed, and any of the
+    /// others follows. The transition matrix is that of the time a step takes.
     ///
     /// # Errors
     /// No mode or more than [`MAX_MODES`]; a mean below a microsecond.
@@ -154,9 +154,9 @@ impl Chain {
     }
 }
 
-/// exp(G dt) for the generator of a chain that leaves mode i at `rates[i]`, by uniformisation (Jensen 1953): with one clock
-/// of rate r >= max rates, a Poisson number of jumps by I + G / r, whose entries are all positive. The time is halved
-/// until few jumps are expected, and the result squared as often.
+/// exp(G dt) for the generator of a chain that leaves mode i at `rates[i]`, by uniformisation (Jensen 1953): with one
+/// clock of rate r >= max rates, a Poisson number of jumps by I + G / r, whose entries are all positive. The time is
+/// halved until few jumps are expected, and the result squared as often.
 fn uniformised(rates: &[f64], dt: f64, p: &mut [[f64; MAX_MODES]; MAX_MODES]) {
     let modes = rates.len();
     let fastest = rates.iter().copied().fold(0.0, f64::max);

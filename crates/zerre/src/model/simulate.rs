@@ -35,8 +35,8 @@ pub fn path<const N: usize, const W: usize, M: Motion<N, W>>(
     Ok(states)
 }
 
-/// A path that a jump-Markov model draws through `times`: the mode of each time, and the state. The first mode comes from the
-/// chain's initial law; the mode of a time is the one that moved the state there.
+/// A path that a jump-Markov model draws through `times`: the mode of each time, and the state. The first mode comes
+/// from the chain's initial law; the mode of a time is the one that moved the state there.
 ///
 /// # Errors
 /// Times that go back, and what the motion refuses.

@@ -68,7 +68,11 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     let chosen = choose(plots);
     let count = chosen.iter().map(Vec::len).sum::<usize>();
     if count < 2 * unknown.len() {
-        let text = format!("{count} measurements are too few to learn {} noises from", unknown.len());
+        let text = match count {
+            0 => "no target is measured more than once, and one measurement tells nothing of its own noise"
+                .to_owned(),
+            _ => format!("{count} measurements are too few to learn {} noises from", unknown.len()),
+        };
         return Err(Error::Unsupported(text));
     }
     let mut spec = spec.clone();

@@ -60,6 +60,8 @@ pub(super) struct SavedTarget {
     pub(super) starts: u32,
     pub(super) warm_up: u32,
     pub(super) degenerate: u32,
+    #[serde(default)]
+    pub(super) gated: u32,
     pub(super) belief: SavedBelief,
 }
 

@@ -5,7 +5,7 @@ use super::{Plot, Reading};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::kernels::{self, Simd};
-use crate::math::{Matrix, Real, chi_square, sin_cos};
+use crate::math::{Matrix, Real, chi_square, ln, sin_cos};
 use crate::model::measurement::{
     BearingOnly, Position, RangeBearing, RangeBearingElevation, RangeOnly, RangeRate,
 };
@@ -263,6 +263,17 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
     /// Largest NIS of a measurement of `m` components that is used.
     pub(super) fn threshold(&self, m: usize) -> f64 {
         self.gate.and_then(|gate| gate.get(m.wrapping_sub(1)).copied()).unwrap_or(f64::INFINITY)
+    }
+
+    /// How many measurements in a row the gate refuses before the belief is what is wrong: right models see so many
+    /// refused with a probability of at most 1e-9, and two in a row may be one disturbance.
+    pub(super) fn refusals(&self) -> u32 {
+        const CHANCE: f64 = 1e-9;
+        const LEAST: u32 = 3;
+        let inside = self.spec.gate.unwrap_or(0.0);
+        // A quotient that should be whole is not let up to the next number by its rounding.
+        let needed = ((ln(CHANCE) / ln(1.0 - inside)).abs() - 1e-9).ceil();
+        LEAST.max(needed as u32)
     }
 
     /// Whether errors follow the normal law.

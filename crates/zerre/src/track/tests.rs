@@ -295,6 +295,44 @@ fn wild_plots_are_gated_and_lost_clouds_start_anew() {
     assert!((rows[14].mean[0] - 5140.0).abs() < 1.0, "{:?}", rows[14]);
 }
 
+/// The first plot is far off: its track refuses every later one, until so many were refused in a row that right models
+/// would not do it (1e-9 at 0.999: three), or as many as the specification says.
+#[test]
+fn a_track_that_its_gate_locks_out_starts_anew() {
+    let path = |k: usize, jump: f64| plot("a", k as f64, Reading::Position2([10.0 * k as f64 + jump, 0.0]));
+    let off: Vec<Plot> = (0..40).map(|k| path(k, if k == 0 { 3000.0 } else { 0.0 })).collect();
+    let restart = |rows: &[Row]| -> Vec<usize> {
+        (0..rows.len()).filter(|&k| rows[k].event == Event::Restarted).collect()
+    };
+    for filter in ["kalman", "ekf", "ukf", "particle"] {
+        for (gate, setting, at) in
+            [(0.999, None, 3), (0.99, None, 5), (0.999_999, None, 3), (0.999, Some(7), 7)]
+        {
+            let mut spec = spec(filter, "constant-velocity", 2);
+            spec.start.speed_sd_mps = 5.0;
+            spec.life.restart_after_gated = setting;
+            spec.sensors.get_mut(DEFAULT_SENSOR).unwrap().gate = Some(gate);
+            let rows = rows(&spec, Engine::default(), &off);
+            assert_eq!(restart(&rows), [at], "{filter} {gate}");
+            let given_up = rows[at].update.unwrap().outcome;
+            assert_eq!(given_up, crate::filter::Outcome::Gated);
+            assert!(rows[1..at].iter().all(|row| row.event == Event::Gated), "{filter}");
+            assert!(rows[at + 1..].iter().all(|row| row.event == Event::Updated), "{filter}");
+            assert!((rows[39].mean[0] - 390.0).abs() < 1.0, "{filter}: {:?}", rows[39].mean);
+        }
+    }
+    // Wild measurements with good ones between them, and many of one time, are no lost track.
+    let mut spec = spec("ekf", "constant-velocity", 2);
+    spec.sensors.get_mut(DEFAULT_SENSOR).unwrap().gate = Some(0.999);
+    let wild: Vec<Plot> = (0..60).map(|k| path(k, if k > 9 && k % 3 != 0 { 3000.0 } else { 0.0 })).collect();
+    let events = rows(&spec, Engine::default(), &wild);
+    assert!(restart(&events).is_empty() && events.iter().filter(|r| r.event == Event::Gated).count() == 34);
+    let mut burst: Vec<Plot> = (0..10).map(|k| path(k, 0.0)).collect();
+    burst.extend((0..6).map(|_| path(10, 3000.0)));
+    let events = rows(&spec, Engine::default(), &burst);
+    assert!(restart(&events).is_empty() && events[10..].iter().all(|r| r.event == Event::Gated));
+}
+
 #[test]
 fn bearings_start_where_the_configuration_says() {
     let mut spec = spec("particle", "constant-velocity", 2);

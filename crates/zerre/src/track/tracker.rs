@@ -62,6 +62,11 @@ pub struct LifeSpec {
     /// So many updates in a row that are degenerate, or find the cloud where the target is not, start the belief
     /// anew from the plot.
     pub restart_after: u32,
+    /// So many measurements of a target in a row that the gate refuses start the belief anew from the last of them:
+    /// the track, not the measurements, is wrong. Several of one time count as one. `None`: as many as right models
+    /// would see refused with a probability of 1e-9 at the gate of the sensor, and no fewer than three.
+    #[serde(default)]
+    pub restart_after_gated: Option<u32>,
     /// The point that stands for the belief.
     pub estimate: Estimate,
 }
@@ -138,6 +143,7 @@ impl TrackerSpec {
             life: LifeSpec {
                 max_gap: Span::from_nanos(300_000_000_000),
                 restart_after: 3,
+                restart_after_gated: None,
                 estimate: Estimate::Mean,
             },
             seed: 1,
@@ -239,7 +245,8 @@ pub enum Event {
     Gated,
     /// The belief gave it no likelihood; the belief was predicted.
     Degenerate,
-    /// One degenerate update too many: the belief was started anew from it.
+    /// One degenerate update or one refused measurement too many: the belief was started anew from it. The row's
+    /// update and innovation are of the belief that was given up; [`Outcome::Gated`] tells of the gate.
     Restarted,
     /// It is older than the belief; not used.
     OutOfOrder,
@@ -353,6 +360,8 @@ pub(super) struct Target<const N: usize> {
     warm_up: u32,
     /// Degenerate updates in a row.
     degenerate: u32,
+    /// Times in a row at which nothing but refused measurements came.
+    gated: u32,
 }
 
 /// Models and settings: what all targets share.
@@ -535,7 +544,7 @@ where
     fn start(&self, id: Arc<str>, track: u32, starts: u32, plot: &Plot) -> Result<Option<Started<N>>> {
         let Some((law, warm_up)) = self.begin(plot)? else { return Ok(None) };
         let belief = self.form(&id, starts, plot.time, law, warm_up)?;
-        let mut target = Target { id, belief, track, starts, warm_up, degenerate: 0 };
+        let mut target = Target { id, belief, track, starts, warm_up, degenerate: 0, gated: 0 };
         // A plot that gave no position has still to be used.
         let update = match self.sensors.of(plot).place(&plot.reading)? {
             Some(_) => None,
@@ -597,6 +606,8 @@ where
         };
         let innovation = foretold.map(|foretold| foretold.innovation);
         let gated = self.gated(plot, innovation.as_ref());
+        // What comes at one time may be wrong for one reason: it counts once.
+        let again = target.gated > 0 && plot.time == target.belief.time();
         let update = self.advance(target, plot, !gated)?;
         let event = match update.outcome {
             _ if gated => Event::Gated,
@@ -605,7 +616,8 @@ where
         };
         let update = Update { outcome: if gated { Outcome::Gated } else { update.outcome }, ..update };
         let lost = event == Event::Degenerate || !gated && is_starved(&update, innovation.as_ref());
-        // A refused measurement tells nothing of the belief: it neither counts nor clears the count.
+        // One refused measurement tells nothing of the belief: it neither counts nor clears the count. Many in a row
+        // tell that no measurement will ever reach the belief again.
         target.degenerate = if lost {
             target.degenerate + 1
         } else if gated {
@@ -613,8 +625,15 @@ where
         } else {
             0
         };
+        target.gated = match event {
+            Event::Gated if !again => target.gated.saturating_add(1),
+            Event::Updated => 0,
+            _ => target.gated,
+        };
+        let most_gated = self.spec.life.restart_after_gated.unwrap_or(self.sensors.of(plot).refusals());
+        let locked_out = gated && target.gated >= most_gated.max(1);
         let dead = update.particles.is_some_and(|p| p.ess == 0.0);
-        if dead || lost && target.degenerate >= self.spec.life.restart_after.max(1) {
+        if dead || locked_out || lost && target.degenerate >= self.spec.life.restart_after.max(1) {
             let restarted = self.start(Arc::clone(&target.id), target.track, target.starts + 1, plot)?;
             if let Some((restarted, _)) = restarted {
                 *target = restarted;
@@ -721,6 +740,7 @@ where
             starts: target.starts,
             warm_up: target.warm_up,
             degenerate: target.degenerate,
+            gated: target.gated,
             belief: match &target.belief {
                 Belief::Gaussian(belief) => SavedBelief::gaussian(belief),
                 Belief::Cloud(cloud) => SavedBelief::Cloud(cloud.saved()),
@@ -746,7 +766,7 @@ where
         for (id, target) in saved.targets {
             let id: Option<Arc<str>> = id.map(Arc::from);
             let name = id.clone().unwrap_or_else(|| Arc::from("target"));
-            let SavedTarget { track, starts, warm_up, degenerate, belief } = target;
+            let SavedTarget { track, starts, warm_up, degenerate, gated, belief } = target;
             let name = track_name(name, track);
             let belief = match belief {
                 SavedBelief::Cloud(cloud) => Belief::Cloud(Box::new(Cloud::restore(cloud)?)),
@@ -758,7 +778,7 @@ where
                 let text = format!("the saved belief of `{name}` is a cloud; this filter has no particles");
                 return Err(Error::Unsupported(text));
             }
-            targets.insert(id, Some(Target { id: name, belief, track, starts, warm_up, degenerate }));
+            targets.insert(id, Some(Target { id: name, belief, track, starts, warm_up, degenerate, gated }));
         }
         self.targets = targets;
         Ok(())

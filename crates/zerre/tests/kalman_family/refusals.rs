@@ -215,7 +215,10 @@ proptest! {
         let points = SigmaPoints::default();
         for (posterior, update) in [
             Kalman::new(Glide(1.0), sensor, prior).unwrap().update(&prior, &[1.0, -1.0], Time::ZERO).unwrap(),
-            Unscented::new(Glide(1.0), sensor, prior, points).unwrap().update(&prior, &[1.0, -1.0], Time::ZERO).unwrap(),
+            Unscented::new(Glide(1.0), sensor, prior, points)
+                .unwrap()
+                .update(&prior, &[1.0, -1.0], Time::ZERO)
+                .unwrap(),
         ] {
             prop_assert_eq!(update.outcome, Outcome::Updated);
             let gained = *prior.covariance() - *posterior.covariance() + Matrix::identity() * 1e-9;

@@ -4,7 +4,7 @@ use super::Call;
 use super::input::Input;
 use super::scores::Scores;
 use super::settings::{Settings, counted};
-use super::work::Run;
+use super::work::{Reference, Run, TOLERABLE_LOSS};
 use crate::diagnostic::Diagnostic;
 use crate::run::{EstimatesDigest, Record};
 use serde_json::{Map, Value, json};
@@ -13,9 +13,11 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 use zerre::Time;
+use zerre::filter::Outcome as Step;
 use zerre::track::{DEFAULT_SENSOR, Event, Plot, Reading, Row, State, TrackerSpec};
 use zerre_io::{Component, TrackRow, TrackTable, Unit};
 use zerre_lab::consistency::{Assessment, SensorInnovations, WhitenedComponent, assess};
+use zerre_lab::number;
 
 /// One track.
 pub(super) struct Track {
@@ -38,8 +40,12 @@ pub(super) struct Sensor {
     pub components: &'static [&'static str],
     /// Whether its law of errors has heavy tails.
     pub heavy_tails: bool,
+    /// Probability inside its gate, where it has one.
+    pub gate: Option<f64>,
     pub used: u64,
     pub gated: u64,
+    /// Of the gated ones those for which the track was given up: they say nothing of the sensor.
+    lost: u64,
     pub assessment: Option<Assessment>,
 }
 
@@ -50,9 +56,12 @@ pub(super) struct Outcome {
     pub sensor_of: Vec<usize>,
     pub events: BTreeMap<Event, u64>,
     pub log_evidence: f64,
-    /// Whether a row's innovation is judged: not while the first measurements still fix the state.
+    /// Whether a row's innovation is judged: not while the first measurements still fix the state, and not of a
+    /// measurement that the gate refused.
     pub judged: Vec<bool>,
-    out_of_order: u64,
+    /// How often a track was given up because its gate let nothing in any more, and started anew.
+    locked_out: u64,
+    pub out_of_order: u64,
     repeated: u64,
 }
 
@@ -94,10 +103,15 @@ impl Outcome {
             events: BTreeMap::new(),
             log_evidence: 0.0,
             judged: vec![false; input.plots.len()],
+            locked_out: 0,
             out_of_order: input.out_of_order,
             repeated: input.repeated,
         };
         let fixing = orders(&run.states);
+        // Measurements used since the belief of a track was last started.
+        let mut since: BTreeMap<Arc<str>, u64> = BTreeMap::new();
+        // Sensors of the measurements in a row that the gate of a track refused.
+        let mut refused_in_a_row: BTreeMap<Arc<str>, Vec<usize>> = BTreeMap::new();
         for (index, plot) in input.plots.iter().enumerate() {
             let (kind, names) = components(&plot.reading);
             let place = *places.entry((plot.sensor.as_deref(), kind)).or_insert_with(|| {
@@ -105,18 +119,19 @@ impl Outcome {
                     Some(sensor) => format!("{sensor}, {kind}"),
                     None => kind.to_owned(),
                 };
-                let heavy_tails = plot
+                let told = plot
                     .sensor
                     .as_deref()
                     .and_then(|name| spec.sensors.get(name))
-                    .or_else(|| spec.sensors.get(DEFAULT_SENSOR))
-                    .is_some_and(|sensor| sensor.robust.is_some());
+                    .or_else(|| spec.sensors.get(DEFAULT_SENSOR));
                 sensors.push(Sensor {
                     name,
                     components: names,
-                    heavy_tails,
+                    heavy_tails: told.is_some_and(|sensor| sensor.robust.is_some()),
+                    gate: told.and_then(|sensor| sensor.gate).filter(|&inside| inside > 0.0),
                     used: 0,
                     gated: 0,
+                    lost: 0,
                     assessment: None,
                 });
                 sensors.len() - 1
@@ -126,7 +141,19 @@ impl Outcome {
             *outcome.events.entry(row.event).or_default() += 1;
             let used = matches!(row.event, Event::Started | Event::Updated | Event::Restarted);
             sensors[place].used += u64::from(used);
-            sensors[place].gated += u64::from(row.event == Event::Gated);
+            let refused = row.update.is_some_and(|update| update.outcome == Step::Gated);
+            sensors[place].gated += u64::from(refused);
+            let in_a_row = refused_in_a_row.entry(Arc::clone(&row.id)).or_default();
+            if refused {
+                in_a_row.push(place);
+            }
+            if refused && row.event == Event::Restarted {
+                outcome.locked_out += 1;
+                in_a_row.iter().for_each(|&place| sensors[place].lost += 1);
+            }
+            if used {
+                in_a_row.clear();
+            }
             outcome.log_evidence += evidence(row).unwrap_or(0.0);
             if row.mean.is_empty() {
                 continue;
@@ -146,7 +173,12 @@ impl Outcome {
             if action(row.event).is_some() {
                 *track.events.entry(row.event).or_default() += 1;
             }
-            outcome.judged[index] = track.updates > fixing && row.innovation.is_some();
+            let since = since.entry(Arc::clone(&row.id)).or_default();
+            *since = match row.event {
+                Event::Started | Event::Restarted => 1,
+                _ => *since + u64::from(used),
+            };
+            outcome.judged[index] = *since > fixing && !refused && row.innovation.is_some();
             track.rows.push(index);
         }
         outcome.sensors = sensors;
@@ -163,6 +195,8 @@ impl Outcome {
                 sensor: sensor.name.clone(),
                 dimension: names.len().max(1),
                 heavy_tails_expected: sensor.heavy_tails,
+                gate: sensor.gate,
+                refused: (sensor.gated - sensor.lost) as usize,
                 components: names
                     .iter()
                     .map(|name| WhitenedComponent { name: (*name).to_owned(), series: Vec::new() })
@@ -203,6 +237,13 @@ impl Outcome {
         let inconsistent = |a: &Assessment| a.is_judged() && !a.is_consistent();
         bad.iter().any(|event| self.events.contains_key(event))
             || self.sensors.iter().filter_map(|s| s.assessment.as_ref()).any(inconsistent)
+    }
+
+    /// How the truth contradicts what the measurements could tell, as a sentence.
+    pub fn against_truth(&self, scores: &Scores) -> Option<String> {
+        let verdicts = || self.sensors.iter().filter_map(|s| s.assessment.as_ref()).filter(|a| a.is_judged());
+        let consistent = verdicts().next().is_some() && verdicts().all(Assessment::is_consistent);
+        scores.found.as_ref()?.against_truth(consistent)
     }
 
     pub fn count(&self, event: Event) -> u64 {
@@ -267,6 +308,7 @@ impl Outcome {
             .collect();
         let mut document = json!({
             "tracks": tracks,
+            "restarts": { "gate": self.locked_out, "degenerate": self.count(Event::Restarted) - self.locked_out },
             "state": record.state,
             "counts": record.counts,
             "outcomes": record.outcomes,
@@ -279,6 +321,9 @@ impl Outcome {
             map.insert("association".to_owned(), json!(found.association));
             map.insert("instants".to_owned(), json!(found.instants));
             map.insert("scores".to_owned(), Value::Object(keys));
+            map.insert("offsets".to_owned(), json!(found.offsets));
+            map.insert("without_offsets".to_owned(), json!(found.centred));
+            map.insert("against_truth".to_owned(), json!(self.against_truth(scores)));
         }
         document
     }
@@ -298,6 +343,15 @@ impl Outcome {
         lines.push(("tracks", format!("{ids}{}", span(&self.tracks))));
         let used = self.count(Event::Started) + self.count(Event::Updated) + self.count(Event::Restarted);
         lines.push(("measurements", format!("{used} used of {}{}", input.plots.len(), self.unused())));
+        let gate = "the gate refused every measurement for so long that the track, not they, must be wrong";
+        let lost = "the filter found no likelihood where the measurements were";
+        for (count, why) in [(self.locked_out, gate), (self.count(Event::Restarted) - self.locked_out, lost)]
+        {
+            if count > 0 {
+                let times = counted(count as usize, "time");
+                lines.push(("track lost", format!("{times}, started anew from the measurements: {why}")));
+            }
+        }
         let rejected: u64 = input.counts.rejected.values().sum();
         if rejected > 0 {
             let reasons: Vec<_> =
@@ -307,8 +361,22 @@ impl Outcome {
                 format!("{rejected} of {}: {}", input.counts.read, reasons.join(", ")),
             ));
         }
+        let left_out: u64 = input.counts.left_out.values().sum();
+        if left_out > 0 {
+            let reasons: Vec<_> =
+                input.counts.left_out.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+            let reasons = reasons.join(", ");
+            lines.push(("rows left out", format!("{left_out} of {}: {reasons}", input.counts.read)));
+        }
+        if self.out_of_order > 0 {
+            let rows = counted(self.out_of_order as usize, "row");
+            lines.push(("rows sorted", format!("{rows} earlier than one before, put in order of time")));
+        }
         lines.push(("filter", settings.filter_text()));
-        lines.push(("log-evidence", format!("{}{}", evidence_text(self.log_evidence), against(run))));
+        lines.push(("log-evidence", evidence_text(self.log_evidence)));
+        if let Some(reference) = &run.reference {
+            lines.push(("log-evidence", against(reference, self.log_evidence)));
+        }
         let lab = zerre_lab::consistency::ENOUGH;
         for sensor in &self.sensors {
             let verdict = match &sensor.assessment {
@@ -324,8 +392,9 @@ impl Outcome {
                 found
                     .scores
                     .iter()
-                    .map(|s| (s.key, format!("{:.3} {}", s.value, s.unit).trim_end().to_owned())),
+                    .map(|s| (s.key, format!("{} {}", number(s.value), s.unit).trim_end().to_owned())),
             );
+            lines.extend(self.against_truth(scores).map(|text| ("truth", text)));
         }
         lines.push(("report", page.display().to_string()));
         let width = lines.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
@@ -367,18 +436,26 @@ fn span(tracks: &[Track]) -> String {
     format!(" over {length}")
 }
 
-/// " (kalman 12.3: ...)" where a reference was run.
-fn against(run: &Run) -> String {
-    let Some(reference) = &run.reference else { return String::new() };
-    let note = if reference.is_better() {
-        let loss = reference.loss_per_plot();
-        format!("; the particles lose {loss:.2} per measurement: take more of them, or this filter")
+/// "for comparison, ukf has -491.3: the particles explain the measurements better": higher is better. What both did not
+/// use is left out of the comparison, and the particles' own number is told again where that changes it.
+fn against(reference: &Reference, log_evidence: f64) -> String {
+    let verdict = if reference.is_better() {
+        let loss = number(reference.loss_per_plot());
+        format!("the particles lose {loss} per measurement: take more of them, or that filter")
+    } else if -reference.loss_per_plot() > TOLERABLE_LOSS {
+        "the particles explain the measurements better (higher is better)".to_owned()
     } else {
-        String::new()
+        "the particles explain the measurements as well".to_owned()
     };
-    let shared = counted(reference.plots, "measurement");
     let (own, theirs) = (evidence_text(reference.own), evidence_text(reference.log_evidence));
-    format!(" (of the same {shared}: {own}, {} {theirs}{note})", reference.filter)
+    if own == evidence_text(log_evidence) {
+        return format!("for comparison, {} has {theirs}: {verdict}", reference.filter);
+    }
+    let shared = counted(reference.plots, "measurement");
+    format!(
+        "for comparison, on the {shared} that both use {} has {theirs} and this filter {own}: {verdict}",
+        reference.filter
+    )
 }
 
 /// A log-evidence with a digit after the point, or as a power of ten where it means nothing but failure.

@@ -37,9 +37,9 @@ pub(super) fn pages(
     let filter = match &run.reference {
         None => filter,
         Some(r) => {
-            let verdict = if r.is_better() { "more particles would help" } else { "as good or worse" };
+            let verdict = if r.is_better() { "more particles would help" } else { "it is no better" };
             format!(
-                "{filter}; log-evidence {}, {} on the same measurements {}: {verdict}",
+                "{filter}; log-evidence {}, and {} on the same measurements {}: {verdict}",
                 evidence_text(r.own),
                 r.filter,
                 evidence_text(r.log_evidence)
@@ -104,9 +104,12 @@ pub(super) fn pages(
             read: record.counts.read,
             used: record.counts.used,
             missing: record.counts.missing,
+            left_out: record.counts.left_out.iter().map(|(reason, n)| (reason.clone(), *n)).collect(),
+            out_of_order: outcome.out_of_order,
             rejected: rejected(input),
         },
         scores: tiles(scores),
+        against_truth: outcome.against_truth(scores),
         config_text: settings.effective.to_string(),
         digest: record.estimates_digest.clone().unwrap_or_default(),
     };
@@ -180,7 +183,6 @@ fn sensors(settings: &Settings, input: &Input, outcome: &Outcome) -> Vec<SensorR
         // A sensor of positions stands nowhere in particular.
         position: place(i).filter(|_| sensor.components.first() != Some(&"x")),
         used: sensor.used,
-        missing: 0,
         gated: sensor.gated,
         assessment: sensor.assessment.clone(),
     };

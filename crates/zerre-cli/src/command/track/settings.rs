@@ -370,6 +370,12 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         &given.model,
         ("constant-velocity", why),
     )?;
+    if MotionConfig::used_by(&model).is_empty() {
+        let text =
+            format!("the motion `{model}` is of a benchmark: no sensor that is tracked sees its one number");
+        let help = "take another one of `zerre catalog motions`; the library has a measurement for it";
+        return Err(effective.at_value(&["motion", "model"], Diagnostic::new(text)).help(help));
+    }
     check_parameters(given, &model, effective)?;
     let at = |key| ["motion", key];
     let mut spec = MotionSpec {
@@ -422,8 +428,7 @@ fn check_parameters(given: &MotionConfig, model: &str, effective: &Effective) ->
         Err(effective.at_key(&["motion", key], refusal))
     };
     let used = MotionConfig::used_by(model);
-    // A motion without parameters is one of a benchmark; building it says why it cannot be.
-    if let Some(key) = given.given().into_iter().find(|key| !used.is_empty() && !used.contains(key)) {
+    if let Some(key) = given.given().into_iter().find(|key| !used.contains(key)) {
         let motions = crate::catalog::names(&crate::catalog::all(), "motions");
         let takers = motions.into_iter().filter(|motion| MotionConfig::used_by(motion).contains(&key));
         let takers = takers.collect::<Vec<_>>().join(", ");
@@ -467,6 +472,8 @@ fn life(config: &TrackConfig, effective: &mut Effective) -> LifeSpec {
     LifeSpec {
         max_gap: Span::from_secs(settled.max_gap_s),
         restart_after: 3,
+        restart_after_gated: effective
+            .settle_given(&["track", "restart_after_gated"], &config.life.restart_after_gated),
         estimate: match settled.estimate {
             Estimate::Mean => Point::Mean,
             Estimate::MaxWeight => Point::MaxWeight,

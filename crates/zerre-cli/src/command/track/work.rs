@@ -57,7 +57,7 @@ pub(super) struct Reference {
 
 /// Natural units of information per measurement, which a filter may lose against the reference before it is said: a
 /// twentieth doubles the odds against it every fourteen measurements.
-const TOLERABLE_LOSS: f64 = 0.05;
+pub(super) const TOLERABLE_LOSS: f64 = 0.05;
 
 impl Reference {
     /// What the filter loses against the reference for each plot, in natural units of information.

@@ -52,6 +52,10 @@ impl TrackConfig {
             return Err(problem(&["start"], "position_m and position_sd_m need each other"));
         }
         positive(&["track", "max_gap_s"], self.life.max_gap_s)?;
+        if self.life.restart_after_gated == Some(0) {
+            let what = "0 is out of range; at least 1 is needed (a large number: never)";
+            return Err(problem(&["track", "restart_after_gated"], what));
+        }
         self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))
     }
 }

@@ -1,4 +1,5 @@
-//! The configuration of `zerre track`. Every key may be absent: [`Effective`](super::Effective) says what then holds, and why.
+//! The configuration of `zerre track`. Every key may be absent: [`Effective`](super::Effective) says what then holds,
+//! and why.
 
 mod check;
 mod settings;
@@ -265,6 +266,10 @@ pub struct LifeConfig {
     /// A longer silence of an identity ends its track and starts another, s.
     #[schemars(range(min = 0.0))]
     pub max_gap_s: Option<f64>,
+    /// So many measurements in a row that the gate refuses start a track anew from the last of them. Absent: as many as
+    /// right models would see refused once in 1e9 times at that gate, at least 3.
+    #[schemars(range(min = 1))]
+    pub restart_after_gated: Option<u32>,
     /// The point that stands for the belief.
     pub estimate: Option<Estimate>,
 }
@@ -446,6 +451,7 @@ mod tests {
                 "1 to 1e9 is needed",
             ),
             ("[track]\nmax_gap_s = \"long\"", "f.toml:2:13", "expected a number"),
+            ("[track]\nrestart_after_gated = 0", "f.toml:2:23", "at least 1 is needed"),
             ("[track]\nmax_gap_s = 1\nmax_gap_s = 2", "f.toml:3:1", "duplicate"),
             ("[trak]", "f.toml:1:2", "did you mean `track`?"),
             ("[track", "f.toml:1:", "error"),

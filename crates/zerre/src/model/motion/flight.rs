@@ -7,8 +7,8 @@ use crate::math::{Real, sinc};
 use crate::model::Motion;
 use crate::time::Time;
 
-/// The velocity turns left at a constant rate (none: straight flight), then an acceleration that is constant through the
-/// step adds to it; its components are normal, and new in every step. The state is `[x, y, vx, vy, ax, ay]`; its
+/// The velocity turns left at a constant rate (none: straight flight), then an acceleration that is constant through
+/// the step adds to it; its components are normal, and new in every step. The state is `[x, y, vx, vy, ax, ay]`; its
 /// acceleration is not used, but drawn afresh, so that a mode that uses it may follow.
 ///
 /// Two half steps are not one whole step: the noise is tuned for one sampling interval, as the thesis has it. Where
