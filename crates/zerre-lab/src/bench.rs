@@ -225,11 +225,11 @@ where
     H: Likelihood<4, Value = [f64; 2]>,
 {
     let data = table(W1_DATA);
-    let measured: Vec<[f64; 2]> = data.iter().map(|row| [row[4], row[5]]).collect();
+    let measured = data.iter().map(|row| [row[4], row[5]]).collect();
     let filter = ParticleFilter::new(radar_prior()?, motion, sensor, settings(n, source, options))?;
-    let truth: Vec<[f64; 2]> = data.iter().map(|row| [row[0], row[1]]).collect();
-    let reference: Vec<[f64; 2]> = table(W1_REFERENCE).iter().map(|row| [row[0], row[1]]).collect();
-    sequence(workload, &filter, &measured, &truth, &reference, n, source, options)
+    let truth = data.iter().map(|row| [row[0], row[1]]).collect();
+    let reference = table(W1_REFERENCE).iter().map(|row| [row[0], row[1]]).collect();
+    sequence(workload, &filter, &Known { measured, truth, reference }, options)
 }
 
 fn radar_prior() -> Result<Gaussian<4>> {
@@ -238,35 +238,39 @@ fn radar_prior() -> Result<Gaussian<4>> {
 
 fn growth(n: usize, source: NoiseSource, options: &Options) -> Result<Row> {
     let data = table(W2_DATA);
-    let measured: Vec<[f64; 1]> = data.iter().map(|row| [row[1]]).collect();
+    let measured = data.iter().map(|row| [row[1]]).collect();
     let prior = Gaussian::independent([0.0], [10f64.sqrt()])?;
     let (motion, sensor) = (motion::Growth::new(10.0)?, measurement::Growth::new(1.0)?);
     let filter = ParticleFilter::new(prior, motion, sensor, settings(n, source, options))?;
-    let truth: Vec<[f64; 1]> = data.iter().map(|row| [row[0]]).collect();
-    let reference: Vec<[f64; 1]> = table(W2_REFERENCE).iter().map(|row| [row[0]]).collect();
-    sequence("W2", &filter, &measured, &truth, &reference, n, source, options)
+    let truth = data.iter().map(|row| [row[0]]).collect();
+    let reference = table(W2_REFERENCE).iter().map(|row| [row[0]]).collect();
+    sequence("W2", &filter, &Known { measured, truth, reference }, options)
 }
 
 fn settings(particles: usize, noise: NoiseSource, options: &Options) -> Settings {
     Settings { particles, noise, simd: options.simd, ..Settings::default() }
 }
 
+/// A recording of which everything is known, step by step.
+struct Known<const D: usize, const Z: usize> {
+    measured: Vec<[f64; Z]>,
+    truth: Vec<[f64; D]>,
+    /// Posterior mean.
+    reference: Vec<[f64; D]>,
+}
+
 /// Runs a filter over one recording again and again, with a new seed each time.
-#[allow(clippy::too_many_arguments, reason = "one private call for two workloads")]
 fn sequence<const N: usize, const W: usize, const D: usize, const Z: usize, M, H>(
     workload: &'static str,
     filter: &ParticleFilter<N, W, M, H>,
-    measured: &[[f64; Z]],
-    truth: &[[f64; D]],
-    reference: &[[f64; D]],
-    n: usize,
-    source: NoiseSource,
+    known: &Known<D, Z>,
     options: &Options,
 ) -> Result<Row>
 where
     M: Motion<N, W>,
     H: Likelihood<N, Value = [f64; Z]>,
 {
+    let Settings { particles: n, noise: source, .. } = *filter.settings();
     let (mut errors, mut distances) = (Vec::new(), Vec::new());
     let mut seed = 1000;
     let times = repeat(options.budget, 5, || {
@@ -274,12 +278,12 @@ where
         seed += 1;
         let (mut error, mut distance) = (0.0, 0.0);
         let start = ThreadTime::now();
-        for (k, z) in measured.iter().enumerate() {
+        for (k, z) in known.measured.iter().enumerate() {
             filter.step(&mut cloud, Time::from_nanos(k as i64 * 1_000_000_000), Some(z))?;
             let mean = cloud.mean();
             for d in 0..D {
-                error += (mean[d] - truth[k][d]).powi(2);
-                distance += (mean[d] - reference[k][d]).powi(2);
+                error += (mean[d] - known.truth[k][d]).powi(2);
+                distance += (mean[d] - known.reference[k][d]).powi(2);
             }
         }
         let time = start.elapsed();

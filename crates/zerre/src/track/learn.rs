@@ -33,7 +33,7 @@ pub struct Learnt {
     pub plots: usize,
     /// Of how many targets.
     pub targets: usize,
-    /// Sensors that got [`HEAVY_TAILS`], and by how much that raised the log-evidence of the filter.
+    /// Sensors that got [`HEAVY_TAILS`], and by how much that raised the log-evidence of the unscented filter.
     pub heavy_tails: Option<(Vec<String>, f64)>,
 }
 
@@ -54,10 +54,10 @@ const LEAST_SHARE: f64 = 0.05;
 
 /// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
 /// as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
-/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of which the recording tells no more than that it is small against the
-/// wandering of the motion is set to where it makes a twentieth of the innovation's variance. For filters with
-/// particles the evidence is less what they lose on innovations that they do not reach: a rare manoeuvre must not
-/// leave all of them behind.
+/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of
+/// which the recording tells no more than that it is small against the wandering of the motion is set to where it
+/// makes a twentieth of the innovation's variance. For filters with particles the evidence is less what they lose on
+/// innovations that they do not reach: a rare manoeuvre must not leave all of them behind.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
 /// Mead (Computer Journal 7, 1965) on the logarithms: deterministic.
@@ -113,12 +113,14 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     Ok(Learnt { spec: best, values, plots: count, targets: chosen.len(), heavy_tails })
 }
 
-/// Log-evidence of the plots under the filter itself; -inf where it refuses the models. A restart counts as much as
-/// a measurement that is all but impossible.
+/// Log-evidence of the plots under the unscented filter; -inf where it refuses the models. A restart counts as much as
+/// a measurement that is all but impossible. Not under particles: where the noise of the motion is small they collapse,
+/// and what they then make of a measurement says nothing of the law of its errors.
 fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
     const RESTART: f64 = -100.0;
     // What a gate refuses has no evidence that could be compared: both sides take every measurement.
     let mut spec = spec.clone();
+    spec.filter.name = "ukf".to_owned();
     spec.sensors.values_mut().for_each(|sensor| sensor.gate = None);
     let Ok(mut tracker) = spec.build(Engine::default()) else { return f64::NEG_INFINITY };
     let mut total = 0.0;

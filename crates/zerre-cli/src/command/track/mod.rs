@@ -68,17 +68,22 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     listen()?;
     let input = input::read(&call, &settings)?;
     settings.check_sensors(&input.plots)?;
+    let mut rival = settings.rival();
     settings.settle(&input.plots, &input.names(), input.has_height, console)?;
     let mut run = work::follow(&settings.spec(global.seed), &input, &workers, console)?;
     run.check_started(&input)?;
-    if !interrupted()
-        && let Some((reference, other)) =
-            run.against_kalman(&settings.spec(global.seed), &input, &workers, console)
-    {
-        if settings.prefer(&reference) {
-            run = other;
-        } else {
-            run.reference = Some(reference);
+    if let Some(rival) = &mut rival {
+        rival.settle(&input.plots, &input.names(), input.has_height, console)?;
+    }
+    let spec = rival.as_ref().unwrap_or(&settings).spec(global.seed);
+    if !interrupted() && work::has_particles(&settings.spec(global.seed).filter.name) {
+        match (run.against_kalman(&spec, &input, &workers, console), rival) {
+            (Some((reference, other)), Some(mut rival)) if reference.is_better() => {
+                rival.prefer(&reference);
+                (settings, run) = (rival, other);
+            }
+            (Some((reference, _)), _) => run.reference = Some(reference),
+            (None, _) => {}
         }
     }
     if global.explain {

@@ -18,6 +18,7 @@ use zerre::track::{
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
 /// Settled step by step: what the file says, what the recording adds.
+#[derive(Clone)]
 pub(super) struct Settings {
     config: TrackConfig,
     pub effective: Effective,
@@ -177,12 +178,18 @@ impl Settings {
         }
     }
 
-    /// Takes a Kalman filter in place of the particles, if nobody asked for them; whether it did.
-    pub fn prefer(&mut self, reference: &Reference) -> bool {
+    /// The same for a filter of the Kalman family, if nobody asked for another: its noises are learnt for itself.
+    pub fn rival(&self) -> Option<Settings> {
         let asked = self.config.filter.name.as_deref().is_some_and(|name| name != AUTO);
-        if asked || !reference.is_better() {
-            return false;
-        }
+        (!asked).then(|| {
+            let mut rival = self.clone();
+            rival.spec.filter.name = "ukf".to_owned();
+            rival
+        })
+    }
+
+    /// Takes the filter of the Kalman family that the particles lost against.
+    pub fn prefer(&mut self, reference: &Reference) {
         let why = format!(
             "{} lose{} {:.2} of log-evidence per measurement against it",
             counted(self.spec.filter.particles, "particle"),
@@ -192,7 +199,6 @@ impl Settings {
         self.spec.filter.name = reference.filter.to_owned();
         self.effective.put(&["filter", "name"], reference.filter, Reason::Chosen(why.clone()));
         self.preferred = Some(why);
-        true
     }
 
     /// The filter in a few words.

@@ -171,8 +171,9 @@ impl Run {
         rows.len() as u64
     }
 
-    /// Runs a Kalman filter on the same plots, where this run has particles: the exact one where the models are
-    /// linear, the unscented one elsewhere. Gives back how it fared and its run.
+    /// Runs filters of the Kalman family with `spec` on the same plots: the exact one where the models are linear,
+    /// elsewhere the extended and the unscented one, of which the one with more evidence counts. Gives back how it fared
+    /// and its run.
     pub fn against_kalman(
         &self,
         spec: &TrackerSpec,
@@ -180,10 +181,8 @@ impl Run {
         workers: &Workers,
         console: &Console,
     ) -> Option<(Reference, Run)> {
-        if !has_particles(&spec.filter.name) {
-            return None;
-        }
-        for filter in ["kalman", "ukf"] {
+        let mut best: Option<(Reference, Run)> = None;
+        for filter in ["kalman", "ekf", "ukf"] {
             let mut other = spec.clone();
             other.filter.name = filter.to_owned();
             // Models that are not linear are refused by the exact filter.
@@ -197,9 +196,15 @@ impl Run {
                     reference.plots += 1;
                 }
             }
-            return (reference.plots > 0).then_some((reference, run));
+            let gain = |best: &(Reference, Run)| reference.loss_per_plot() - best.0.loss_per_plot();
+            if reference.plots > 0 && best.as_ref().is_none_or(|best| gain(best) > 0.0) {
+                best = Some((reference, run));
+            }
+            if filter == "kalman" {
+                break;
+            }
         }
-        None
+        best
     }
 }
 
