@@ -7,6 +7,7 @@
 //! | W2 | univariate growth, 1 state, 100 steps |
 //! | W3-... | one resampling of N weights exp(-2 a^2), a standard normal, to N indices |
 //! | W4 | 100 independent runs of W1 with 5 000 particles, spread over threads |
+//! | W5 | W1 by the multiple-model filter, 5 000 particles under each of four modes: straight, accelerating, two turns |
 //!
 //! Times are processor time of the calling thread (W4: of the process), medians over repetitions; the first repetition
 //! is not counted. `rmse` is the position error against the truth, `reference_distance` the RMS distance of the
@@ -17,10 +18,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 use zerre::belief::Gaussian;
-use zerre::filter::{Filter, ParticleFilter, Settings};
+use zerre::filter::{Filter, ModalSettings, MultipleModel, ParticleFilter, Settings};
 use zerre::kernels::{Generator, NoiseSource, Resolution, Simd, Threads};
 use zerre::math::Real;
-use zerre::model::{Likelihood, Measurement, Motion, measurement, motion, simulate};
+use zerre::model::{Chain, JumpMarkov, Likelihood, Measurement, Motion, measurement, motion, simulate};
 use zerre::resample::{Resampler, Resampling};
 use zerre::rng::{Purpose, Stream};
 use zerre::{Result, Time};
@@ -126,6 +127,7 @@ pub fn run(options: &Options, mut progress: impl FnMut(&Row) -> bool) -> Result<
     if options.threads > 1 {
         jobs.push(Box::new(move || many_runs(options.threads, options)));
     }
+    jobs.push(Box::new(move || multiple_model(options)));
     for job in jobs {
         if !keep(job()?) {
             break;
@@ -160,6 +162,7 @@ fn built_in() -> Result<Radar> {
 }
 
 /// Constant velocity with q = 0.05, written without help from the library.
+#[derive(Clone, Copy)]
 struct UserMotion {
     l11: f64,
     l21: f64,
@@ -232,6 +235,107 @@ where
     sequence(workload, &filter, &Known { measured, truth, reference }, options)
 }
 
+/// A mode of W5, over `[x, y, vx, vy, ax, ay]` and steps of a second, with white-noise acceleration of density 0.05.
+#[derive(Clone, Copy)]
+enum Mode {
+    Straight,
+    Accelerating,
+    /// Radians per second.
+    Turn(f64),
+}
+
+/// Coefficients of the mode's step, and of the noise of W1.
+enum ModeStep {
+    Straight(UserMotion),
+    Accelerating(UserMotion),
+    Turn { ahead: f64, aside: f64, sin: f64, cos: f64, noise: UserMotion },
+}
+
+impl Motion<6, 6> for Mode {
+    type Step = ModeStep;
+
+    fn over(&self, _: Time, _: Time) -> Result<ModeStep> {
+        let noise = UserMotion::new();
+        Ok(match *self {
+            Mode::Straight => ModeStep::Straight(noise),
+            Mode::Accelerating => ModeStep::Accelerating(noise),
+            Mode::Turn(rate) => {
+                let (sin, cos) = rate.sin_cos();
+                ModeStep::Turn { ahead: sin / rate, aside: (1.0 - cos) / rate, sin, cos, noise }
+            }
+        })
+    }
+
+    #[inline(always)]
+    fn apply<R: Real>(step: &ModeStep, [x, y, vx, vy, ax, ay]: [R; 6], w: [R; 6]) -> [R; 6] {
+        let none = x.constant(0.0);
+        let ([x, y, vx, vy, ax, ay], n) = match step {
+            ModeStep::Straight(n) => ([x + vx, y + vy, vx, vy, none, none], n),
+            ModeStep::Accelerating(n) => {
+                let (px, py) = (x + vx + ax * 0.5, y + vy + ay * 0.5);
+                ([px, py, vx + ax, vy + ay, ax + w[4] * 0.05, ay + w[5] * 0.05], n)
+            }
+            ModeStep::Turn { ahead, aside, sin, cos, noise } => {
+                let (px, py) = (x + vx * *ahead - vy * *aside, y + vx * *aside + vy * *ahead);
+                ([px, py, vx * *cos - vy * *sin, vx * *sin + vy * *cos, none, none], noise)
+            }
+        };
+        [
+            x + w[0] * n.l11,
+            y + w[1] * n.l11,
+            vx + w[0] * n.l21 + w[2] * n.l22,
+            vy + w[1] * n.l21 + w[3] * n.l22,
+            ax,
+            ay,
+        ]
+    }
+
+    fn noise_components(&self) -> usize {
+        if matches!(self, Mode::Accelerating) { 6 } else { 4 }
+    }
+}
+
+fn multiple_model(options: &Options) -> Result<Row> {
+    const PARTICLES: usize = 5_000;
+    let modes = vec![Mode::Straight, Mode::Accelerating, Mode::Turn(0.1), Mode::Turn(-0.1)];
+    // Every mode as likely as every other at every step.
+    let chain = Chain::per_step(vec![vec![0.25; 4]; 4])?;
+    let prior = Gaussian::independent([0.0, 0.0, 0.5, 0.3, 0.0, 0.0], [0.5, 0.5, 0.3, 0.3, 1e-6, 1e-6])?;
+    let settings = ModalSettings { particles: PARTICLES, simd: options.simd, ..ModalSettings::default() };
+    let source = settings.noise;
+    let filter = MultipleModel::new(prior, JumpMarkov::new(modes, chain)?, built_in()?.1, settings)?;
+    let data = table(W1_DATA);
+    let mut errors = Vec::new();
+    let mut seed = 1000;
+    let times = repeat(options.budget, 5, || {
+        let mut belief = filter.start(Time::ZERO, Stream::new(seed))?;
+        seed += 1;
+        let mut error = 0.0;
+        let start = ThreadTime::now();
+        for (k, row) in data.iter().enumerate() {
+            filter.step(&mut belief, Time::from_nanos(k as i64 * 1_000_000_000), Some(&[row[4], row[5]]))?;
+            let x = belief.estimate();
+            error += (x[0] - row[0]).powi(2) + (x[1] - row[1]).powi(2);
+        }
+        let time = start.elapsed();
+        errors.push((error / STEPS as f64).sqrt());
+        Ok(time)
+    })?;
+    let (rmse, standard_error) = mean_and_error(&errors);
+    Ok(Row {
+        rmse: Some(rmse),
+        rmse_standard_error: Some(standard_error),
+        ..row("W5", source, options, PARTICLES, &times, (PARTICLES * STEPS) as f64)
+    })
+}
+
+/// Mean, and its standard error.
+fn mean_and_error(values: &[f64]) -> (f64, f64) {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let spread = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64;
+    (mean, (spread / values.len() as f64).sqrt())
+}
+
 fn radar_prior() -> Result<Gaussian<4>> {
     Gaussian::independent([0.0, 0.0, 0.5, 0.3], [0.5, 0.5, 0.3, 0.3])
 }
@@ -291,13 +395,11 @@ where
         distances.push((distance / STEPS as f64).sqrt());
         Ok(time)
     })?;
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let rmse = mean(&errors);
-    let spread = errors.iter().map(|e| (e - rmse).powi(2)).sum::<f64>() / (errors.len() - 1) as f64;
+    let (rmse, standard_error) = mean_and_error(&errors);
     Ok(Row {
         rmse: Some(rmse),
-        rmse_standard_error: Some((spread / errors.len() as f64).sqrt()),
-        reference_distance: Some(mean(&distances)),
+        rmse_standard_error: Some(standard_error),
+        reference_distance: Some(mean_and_error(&distances).0),
         ..row(workload, source, options, n, &times, (n * STEPS) as f64)
     })
 }
