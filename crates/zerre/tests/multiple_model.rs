@@ -49,7 +49,7 @@ fn linear(chain: Chain, settings: ModalSettings) -> Linear<std::convert::Infalli
     MultipleModel::new(prior(), model, Position::new(SENSOR_SD).unwrap(), settings).unwrap()
 }
 
-/// Distance along the line,.
+/// Distance along the line.
 struct Distance;
 
 impl ObservationError<2, [f64; 1]> for Distance {

@@ -154,6 +154,18 @@ impl<const N: usize> ModalCloud<N> {
         }
     }
 
+    /// Room for `n` particles of every mode, out of which `n` are drawn: no step of at most as many allocates.
+    pub(crate) fn reserve(&mut self, n: usize) {
+        let blocks = self.modes * n.div_ceil(BLOCK);
+        let rows = blocks * BLOCK;
+        let columns = self.states.iter_mut().chain([&mut self.weights, &mut self.scores]);
+        columns.for_each(|column| column.reserve(rows.saturating_sub(column.len())));
+        self.blocks.reserve(blocks.saturating_sub(self.blocks.len()));
+        self.segments.reserve(self.modes.saturating_sub(self.segments.len()));
+        self.ancestors.reserve(n.saturating_sub(self.ancestors.len()));
+        self.scratch.reserve(rows, n);
+    }
+
     /// Counts the drawn ancestors by mode, after [`Resampling::draw`](crate::resample::Resampling). An ancestor in the rows
     /// of nobody, which rounding can draw at the very end of a segment, becomes the segment's last particle.
     pub(crate) fn count_ancestors(&mut self) {

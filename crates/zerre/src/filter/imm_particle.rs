@@ -262,7 +262,7 @@ where
         cloud.scores.reserve(rows.saturating_sub(cloud.scores.len()));
         cloud.blocks.reserve((rows / BLOCK + 1).saturating_sub(cloud.blocks.len()));
         cloud.ancestors.reserve(rows);
-        cloud.scratch.reserve(rows);
+        cloud.scratch.reserve(rows, rows);
         Ok(cloud)
     }
 

@@ -654,6 +654,7 @@ where
         }
         let mut cloud = ModalCloud::from_columns(at, stream, &columns, &shares[..law.len()])?;
         cloud.keep_all();
+        cloud.reserve(n);
         let selection = self.selection.as_ref();
         Ok(ModalBelief {
             estimate: cloud.mean(),

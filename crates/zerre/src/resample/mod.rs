@@ -325,6 +325,18 @@ fn residual(
 }
 
 impl Scratch {
+    /// Room for `draws` out of `rows` weights, so that no later draw of at most as many allocates.
+    pub(crate) fn reserve(&mut self, rows: usize, draws: usize) {
+        fn room<T>(list: &mut Vec<T>, len: usize) {
+            list.reserve(len.saturating_sub(list.len()));
+        }
+        room(&mut self.cumulative, rows + 1);
+        room(&mut self.positions, draws + 1);
+        room(&mut self.copies, rows);
+        room(&mut self.blocks, rows.div_ceil(BLOCK));
+        room(&mut self.pairs, rows.div_ceil(BLOCK));
+    }
+
     /// Block factors and sums as [`BlockWeights`] wants them.
     pub(crate) fn pairs<const N: usize>(&mut self, blocks: &[BlockSums<N>], max: f64) -> Vec<(f64, f64)> {
         let mut pairs = std::mem::take(&mut self.pairs);

@@ -4,8 +4,8 @@
 use serde::{Serialize, de::DeserializeOwned};
 use zerre::belief::{Cloud, Gaussian, GaussianBelief, ModalCloud};
 use zerre::filter::{
-    Extended, Filter, ImmParticle, Kalman, ModalBelief, ModalSettings, MultipleModel, ParticleFilter,
-    Settings, SigmaPoints, Unscented, Update,
+    AfterResampling, Extended, Filter, ImmParticle, Kalman, ModalBelief, ModalSettings, MultipleModel,
+    Output, ParticleFilter, ScaledResidual, Settings, SigmaPoints, Unscented, Update, Wsms,
 };
 use zerre::kernels::{Generator, NoiseSource, Resolution, Simd, Threads};
 use zerre::math::Matrix;
@@ -117,6 +117,18 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     let default = NoiseSource::default();
     let roughened = particle(default, Resampling::Systematic, Trigger::Always, 0.2);
     list.push(entry("roughened (Gordon, Salmond and Smith)", Class::Reproduction, roughened));
+    let model = JumpMarkov::new(vec![motion; 3], Chain::staying(3, 0.9).unwrap()).unwrap();
+    let Means { particles, simd, ref threads } = *means;
+    let settings = ModalSettings { particles, simd, threads: threads.clone(), ..ModalSettings::default() };
+    let thesis = MultipleModel::new(prior, model, sensor, settings).unwrap();
+    let survivors = thesis.clone().with_output(Output::Survivors).unwrap();
+    let recomputed = survivors.with_after_resampling(AfterResampling::RecomputedKept);
+    list.push(entry("multiple model, weights recomputed (Ucar)", Class::Reproduction, recomputed));
+    let selecting = thesis.with_error(ScaledResidual { sensor, scale: [1.0; 2] });
+    let selecting = selecting.with_output(Output::LeastError).unwrap();
+    let selecting =
+        selecting.with_selection(Wsms { threshold_range: (0.035, 3.0), ..Wsms::default() }).unwrap();
+    list.push(entry("multiple model, one selected (Ucar)", Class::Reproduction, selecting));
     list
 }
 
