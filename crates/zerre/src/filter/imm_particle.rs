@@ -9,7 +9,7 @@ use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, Source, Survivors};
 use crate::math::Real;
 use crate::model::jump::{MAX_MODES, Transition};
 use crate::model::{JumpMarkov, Likelihood, Motion};
-use crate::resample::{Context, Mixture};
+use crate::resample::{Context, Mixture, Target};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 
@@ -92,33 +92,26 @@ where
     fn interact(&self, cloud: &mut ModalCloud<N>, law: &[f64], after: &[f64], jump: &Transition) -> usize {
         let ModalSettings { particles: n, resampling, simd, ref threads, .. } = self.settings;
         let modes = law.len();
-        let mut scratch = std::mem::take(&mut cloud.scratch);
-        let mixture = Mixture { weights: &cloud.weights, blocks: &cloud.blocks, segments: &cloud.segments };
-        mixture.cumulate(simd, &mut scratch);
+        let mut targets = [Target { len: 0, first: 0, shares: [0.0; MAX_MODES] }; MAX_MODES];
         let mut rows = 0;
-        for j in 0..modes {
-            let Some(len) = quotas(n, after).nth(j).filter(|&len| len > 0) else { continue };
-            let mut shares = [0.0; MAX_MODES];
-            for (share, segment) in shares.iter_mut().zip(&cloud.segments) {
-                *share = jump.probability(segment.mode, j) * law[segment.mode] / after[j];
+        for (j, (target, len)) in targets.iter_mut().zip(quotas(n, after)).enumerate() {
+            (target.len, target.first) = (len, rows);
+            rows += len.next_multiple_of(BLOCK);
+            if len > 0 {
+                let share = |i: usize| jump.probability(i, j) * law[i] / after[j];
+                (0..modes).for_each(|i| target.shares[i] = share(i));
             }
-            let behind = rows + len.next_multiple_of(BLOCK);
-            if cloud.ancestors.len() < behind {
-                cloud.ancestors.resize(behind, 0);
-            }
-            let step = cloud.step * modes as u64 + j as u64;
-            let context = Context { level: simd, threads, stream: cloud.stream, step };
-            let ancestors = &mut cloud.ancestors[rows..rows + len];
-            resampling.draw_mixture(context, mixture, &shares, &mut scratch, ancestors);
-            rows = behind;
         }
+        let context = Context { level: simd, threads, stream: cloud.stream, step: cloud.step };
+        let ModalCloud { weights, blocks, segments, ancestors, pool, scratch, .. } = &mut *cloud;
+        ancestors.resize(rows, 0);
+        let from = Mixture { weights, blocks, segments };
+        resampling.draw_mixture(context, from, &targets[..modes], scratch, pool, ancestors);
         let old_rows = cloud.weights.len();
         std::mem::swap(&mut cloud.states, &mut cloud.survivors);
         cloud.lay_out(quotas(n, after).enumerate());
         let drawn = cloud.segments.iter().flat_map(|s| &cloud.ancestors[s.rows()]).copied();
-        let distinct = scratch.count_distinct(old_rows, drawn);
-        cloud.scratch = scratch;
-        distinct
+        cloud.scratch.count_distinct(old_rows, drawn)
     }
 
     /// Moves and weighs the particles of all segments, out of the survivors.
@@ -262,6 +255,7 @@ where
         cloud.scores.reserve(rows.saturating_sub(cloud.scores.len()));
         cloud.blocks.reserve((rows / BLOCK + 1).saturating_sub(cloud.blocks.len()));
         cloud.ancestors.reserve(rows);
+        cloud.pool.reserve(rows);
         cloud.scratch.reserve(rows, rows);
         Ok(cloud)
     }

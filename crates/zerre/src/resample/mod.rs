@@ -9,7 +9,7 @@ use crate::kernels::{
     fill_uniforms, merge_sorted, prefix_sums, split_copies, to_exponentials,
 };
 use crate::rng::{Purpose, Stream};
-pub(crate) use interaction::Mixture;
+pub(crate) use interaction::{Mixture, Target};
 use serde::{Deserialize, Serialize};
 
 /// How the ancestors are drawn. All give particle i on average m w_i copies; they differ in the spread.
