@@ -40,6 +40,8 @@ pub struct ModalCloud<const N: usize> {
     pub(crate) survivors: [Vec<f64>; N],
     pub(crate) counts: [u32; MAX_MODES],
     pub(crate) scratch: Scratch,
+    /// Draws that are not yet dealt out to modes, in filters whose modes interact.
+    pub(crate) pool: Vec<u32>,
 }
 
 /// Particles of one mode: rows that begin with a whole block. The rest of the last block belongs to nobody.
@@ -112,6 +114,7 @@ impl<const N: usize> ModalCloud<N> {
             survivors: std::array::from_fn(|_| Vec::new()),
             counts: [0; MAX_MODES],
             scratch: Scratch::default(),
+            pool: Vec::new(),
         };
         cloud.lay_out(shares.iter().map(|&(count, _)| count).enumerate());
         let mut from = 0;

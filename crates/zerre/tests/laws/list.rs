@@ -2,10 +2,10 @@
 //! [`Estimates`] what it estimates.
 
 use serde::{Serialize, de::DeserializeOwned};
-use zerre::belief::{Cloud, Gaussian, GaussianBelief};
+use zerre::belief::{Cloud, Gaussian, GaussianBelief, ModalCloud};
 use zerre::filter::{
-    AfterResampling, Extended, Filter, Kalman, ModalBelief, ModalSettings, MultipleModel, Output,
-    ParticleFilter, ScaledResidual, Settings, SigmaPoints, Unscented, Update, Wsms,
+    AfterResampling, Extended, Filter, ImmParticle, Kalman, ModalBelief, ModalSettings, MultipleModel,
+    Output, ParticleFilter, ScaledResidual, Settings, SigmaPoints, Unscented, Update, Wsms,
 };
 use zerre::kernels::{Generator, NoiseSource, Resolution, Simd, Threads};
 use zerre::math::Matrix;
@@ -107,9 +107,11 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
         for (noise, resampling) in SOURCES.into_iter().zip(RESAMPLINGS) {
             let Means { particles, simd, ref threads } = *means;
             let settings = ModalSettings { particles, resampling, noise, simd, threads: threads.clone() };
+            let of = format!("{modes} alike, {resampling:?}, {noise:?}");
+            let interacting = ImmParticle::new(prior, model.clone(), sensor, settings.clone()).unwrap();
+            list.push(entry(format!("IMM particle, {of}"), Class::Consistent, interacting));
             let filter = MultipleModel::new(prior, model.clone(), sensor, settings).unwrap();
-            let name = format!("multiple model, {modes} alike, {resampling:?}, {noise:?}");
-            list.push(entry(name, Class::Consistent, filter));
+            list.push(entry(format!("multiple model, {of}"), Class::Consistent, filter));
         }
     }
     let default = NoiseSource::default();
@@ -155,6 +157,15 @@ impl Estimates for Cloud<4> {
     }
     fn covariance(&self) -> Matrix<4, 4> {
         Cloud::covariance(self)
+    }
+}
+
+impl Estimates for ModalCloud<4> {
+    fn mean(&self) -> [f64; 4] {
+        ModalCloud::mean(self)
+    }
+    fn covariance(&self) -> Matrix<4, 4> {
+        ModalCloud::covariance(self)
     }
 }
 
