@@ -2,10 +2,12 @@
 
 mod cloud;
 mod gaussian;
+mod hypotheses;
 mod modal;
 
 pub(crate) use cloud::SavedCloud;
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use hypotheses::{Hypotheses, Hypothesis};
 pub use modal::ModalGaussian;
 pub(crate) use modal::matched;

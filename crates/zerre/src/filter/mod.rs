@@ -5,6 +5,7 @@ mod gaussian;
 mod imm;
 mod kalman;
 mod particle;
+mod rao_blackwell;
 mod unscented;
 
 pub(crate) use extended::MotionTangent;
@@ -13,6 +14,7 @@ pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_meas
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use kalman::{Kalman, Linear};
 pub use particle::{ParticleFilter, Prior, Settings};
+pub use rao_blackwell::RaoBlackwell;
 pub use unscented::{SigmaPoints, Unscented};
 
 use crate::error::Result;
