@@ -14,6 +14,9 @@ use std::array::from_fn;
 /// How a Gaussian goes through a function: exactly ([`Linear`](super::Linear)), by the tangent
 /// ([`Tangent`](super::Tangent)) or by sigma points ([`SigmaPoints`](super::SigmaPoints)).
 pub trait Transform: Send + Sync {
+    /// Whether a linear motion acts by its Jacobians alone, so that those of one state serve all.
+    const BY_JACOBIANS: bool;
+
     /// The law of f(x, w).
     ///
     /// # Errors

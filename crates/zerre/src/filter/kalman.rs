@@ -46,6 +46,8 @@ fn refuse<T>(what: &str) -> Result<T> {
 }
 
 impl Transform for Linear {
+    const BY_JACOBIANS: bool = true;
+
     fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
         &self,
         motion: &A,

@@ -171,7 +171,7 @@ where
     let mut steps: [Option<Ahead<A, N, W>>; MAX_MODES] = from_fn(|_| None);
     if to > from {
         for (step, motion) in steps.iter_mut().zip(model.modes()) {
-            *step = Some(Ahead::of(motion, from, to, &all[kept[0].0 as usize].law)?);
+            *step = Some(Ahead::of::<T>(motion, from, to, &all[kept[0].0 as usize].law)?);
         }
     }
     spare.clear();
@@ -230,15 +230,16 @@ where
 /// A mode over one step.
 struct Ahead<A: Motion<N, W>, const N: usize, const W: usize> {
     step: A::Step,
-    /// df/dx and the covariance that the noise adds, where both are the same for every state.
+    /// df/dx and the covariance that the noise adds, where both serve every state.
     linear: Option<(Matrix<N, N>, Matrix<N, N>)>,
 }
 
 impl<A: Motion<N, W>, const N: usize, const W: usize> Ahead<A, N, W> {
     /// Looks at the Jacobians at two points near `law`; what differs there is not linear.
-    fn of(motion: &A, from: Time, to: Time, law: &Gaussian<N>) -> Result<Self> {
+    fn of<T: Transform>(motion: &A, from: Time, to: Time, law: &Gaussian<N>) -> Result<Self> {
         let step = motion.over(from, to)?;
-        let linear = MotionTangent::<N, W>::of_linear::<A>(&step, motion.noise(), law);
+        let tangent = || MotionTangent::<N, W>::of_linear::<A>(&step, motion.noise(), law);
+        let linear = if T::BY_JACOBIANS { tangent() } else { None };
         let linear =
             linear.map(|tangent| (tangent.by_state, tangent.noise_covariance(motion.noise().variance())));
         Ok(Ahead { step, linear })

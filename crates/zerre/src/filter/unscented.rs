@@ -100,6 +100,8 @@ where
 }
 
 impl Transform for SigmaPoints {
+    const BY_JACOBIANS: bool = false;
+
     fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
         &self,
         motion: &A,
