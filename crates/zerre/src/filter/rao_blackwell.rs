@@ -162,8 +162,12 @@ where
     let Hypotheses { all, spare, weights, kept, stream, step, .. } = &mut *belief;
 
     weights.clear();
+    kept.clear();
+    // As many as there can ever be: no later step allocates.
+    let most = all.len().max(hypotheses * modes);
+    weights.reserve(most);
+    kept.reserve(most);
     weights.extend(all.iter().map(|h| h.weight));
-    kept.reserve(weights.len());
     // Numbers of the step that is about to be, so that a step that fails leaves them to the next.
     reduction.reduce(weights, hypotheses, *stream, *step + 1, kept)?;
 
@@ -175,7 +179,7 @@ where
         }
     }
     spare.clear();
-    spare.reserve(hypotheses * modes);
+    spare.reserve(most);
     let mut first = 0;
     while first < kept.len() {
         // Equal laws that neighbour each other go on as one: only the mode told them apart.
