@@ -51,9 +51,8 @@ where
 {
     let model = turns(&[0.0, 0.4], Chain::staying(2, 0.8).unwrap());
     let times = [0.0, 1.0, 1.0, 1.5, 3.0, 3.5, 4.5].map(Time::from_secs);
-    let at: Vec<Time> = times.iter().copied().filter(|&t| t != times[1]).chain([times[1]]).collect();
-    let mut at = at;
-    at.sort_unstable();
+    let mut at = times.to_vec();
+    at.dedup();
     let stream = Stream::new(stream);
     let (_, states) = simulate::jump_path(&model, *prior().mean(), &at, stream).unwrap();
     times
@@ -535,8 +534,8 @@ fn interacting_models_are_close_to_all_histories() {
             }
         }
     }
-    let rms = (square / count as f64).sqrt();
-    let twin = (twin_square / count as f64).sqrt();
+    let rms = (square / count).sqrt();
+    let twin = (twin_square / count).sqrt();
     let probability = sum_probability / count;
     assert!(rms < 0.2 && worst < 0.8 && probability < 0.0125, "{rms} {worst} {probability}");
     assert!(twin > 1.35 * rms, "{twin} {rms}");

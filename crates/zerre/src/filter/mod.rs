@@ -2,10 +2,10 @@
 
 mod extended;
 mod gaussian;
-mod imm;
+pub(crate) mod imm;
 mod kalman;
 mod particle;
-mod rao_blackwell;
+pub(crate) mod rao_blackwell;
 mod unscented;
 
 pub(crate) use extended::MotionTangent;
