@@ -58,6 +58,7 @@ fn run(targets: usize, steps: usize) -> Result<RunReport, zerre_lab::Error> {
         });
     }
     Ok(RunReport {
+        against_truth: None,
         title: "Three targets in a harbour".into(),
         command: "zerre track harbour.csv --truth harbour-truth.csv --seed 7".into(),
         input: "harbour.csv".into(),

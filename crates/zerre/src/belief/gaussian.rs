@@ -77,7 +77,7 @@ impl<const N: usize> Gaussian<N> {
         for i in 0..N {
             for j in 0..i {
                 let gap = covariance.0[i][j] - covariance.0[j][i];
-                if gap.abs() > 1e-9 * variance[i].sqrt() * variance[j].sqrt() {
+                if gap != 0.0 && gap.abs() > 1e-9 * variance[i].sqrt() * variance[j].sqrt() {
                     let needs = "the entry mirrored at the diagonal must equal it";
                     return Err(Error::OutOfRange {
                         what: what_covariance,

@@ -85,6 +85,8 @@ pub(super) fn observed<const N: usize, const M: usize>(
 }
 
 impl Transform for Tangent {
+    const BY_JACOBIANS: bool = true;
+
     fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
         &self,
         motion: &A,

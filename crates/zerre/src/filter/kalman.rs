@@ -34,17 +34,7 @@ where
     /// heavier tails than the normal law, and for process noise that is not normal. A motion that is not linear is
     /// refused by the first step, and so is a measurement that ceases to be.
     pub fn new(motion: A, measurement: H, prior: Gaussian<N>) -> Result<Self> {
-        if motion.noise() != Noise::StandardNormal {
-            return refuse("process noise that is not normal");
-        }
-        if H::ANGLE.contains(&true) {
-            return refuse("a measurement of angles");
-        }
-        // Far out in the tail a robust model has long departed from 1.
-        if measurement.covariance_scale(1e6) != 1.0 {
-            return refuse("a robust measurement");
-        }
-        Linear.observe(&measurement, Time::ZERO, &prior)?;
+        Linear.accept(&motion, &measurement, &prior)?;
         Ok(GaussianFilter::of(Linear, motion, measurement, prior))
     }
 }
@@ -56,6 +46,8 @@ fn refuse<T>(what: &str) -> Result<T> {
 }
 
 impl Transform for Linear {
+    const BY_JACOBIANS: bool = true;
+
     fn propagate<A: Motion<N, W>, const N: usize, const W: usize>(
         &self,
         motion: &A,
@@ -63,12 +55,10 @@ impl Transform for Linear {
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>> {
         let noise = motion.noise();
-        let here = MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W]);
-        let there = MotionTangent::<N, W>::at::<A>(step, &off(state), &from_fn(|i| 1.0 + i as f64));
-        if !(same(&here.by_state, &there.by_state) && same(&here.by_noise, &there.by_noise)) {
-            return refuse("a nonlinear motion");
+        match MotionTangent::of_linear::<A>(step, noise, state) {
+            Some(tangent) => tangent.propagate(noise.variance(), state),
+            None => refuse("a nonlinear motion"),
         }
-        here.propagate(noise.variance(), state)
     }
 
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
@@ -83,6 +73,42 @@ impl Transform for Linear {
             return refuse("a nonlinear measurement");
         }
         Ok(observed(here, state))
+    }
+
+    fn accept<A, H, const N: usize, const W: usize, const M: usize>(
+        &self,
+        motion: &A,
+        measurement: &H,
+        prior: &Gaussian<N>,
+    ) -> Result<()>
+    where
+        A: Motion<N, W>,
+        H: GaussianMeasurement<N, M>,
+    {
+        if motion.noise() != Noise::StandardNormal {
+            return refuse("process noise that is not normal");
+        }
+        if H::ANGLE.contains(&true) {
+            return refuse("a measurement of angles");
+        }
+        // Far out in the tail a robust model has long departed from 1.
+        if measurement.covariance_scale(1e6) != 1.0 {
+            return refuse("a robust measurement");
+        }
+        self.observe(measurement, Time::ZERO, prior).map(drop)
+    }
+}
+
+impl<const N: usize, const W: usize> MotionTangent<N, W> {
+    /// The tangent at the mean of `state`, unless that at a point away from it differs.
+    pub(super) fn of_linear<A: Motion<N, W>>(
+        step: &A::Step,
+        noise: Noise,
+        state: &Gaussian<N>,
+    ) -> Option<Self> {
+        let here = Self::at::<A>(step, state.mean(), &[noise.mean(); W]);
+        let there = Self::at::<A>(step, &off(state), &from_fn(|i| 1.0 + i as f64));
+        (same(&here.by_state, &there.by_state) && same(&here.by_noise, &there.by_noise)).then_some(here)
     }
 }
 

@@ -2,22 +2,26 @@
 
 mod extended;
 mod gaussian;
+pub(crate) mod imm;
 mod imm_particle;
 mod kalman;
 mod multiple_model;
 mod particle;
+pub(crate) mod rao_blackwell;
 mod selection;
 mod unscented;
 
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
+pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;
 pub use kalman::{Kalman, Linear};
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
 };
 pub use particle::{ParticleFilter, Prior, Settings};
+pub use rao_blackwell::RaoBlackwell;
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub use unscented::{SigmaPoints, Unscented};
 

@@ -38,7 +38,12 @@ impl<const R: usize, const C: usize> Matrix<R, C> {
     /// A P A' for this matrix A and a symmetric P; exactly symmetric.
     #[must_use]
     pub fn congruence(&self, p: &Matrix<C, C>) -> Matrix<R, R> {
-        (*self * *p * self.transpose()).symmetrised()
+        // Models leave most of A zero. A fused step with a zero changes no bit of a finite sum, and is left out.
+        let a = &self.0;
+        let steps = |row: usize| (0..C).filter(move |&k| a[row][k] != 0.0);
+        let ap: [[f64; C]; R] =
+            from_fn(|i| from_fn(|j| steps(i).fold(0.0, |sum, k| a[i][k].mul_add(p.0[k][j], sum))));
+        Matrix::from_entries(|i, j| steps(j).fold(0.0, |sum, k| ap[i][k].mul_add(a[j][k], sum))).symmetrised()
     }
 
     /// Largest magnitude of an entry; NaN entries are passed over.

@@ -114,6 +114,7 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
             list.push(entry(format!("multiple model, {of}"), Class::Consistent, filter));
         }
     }
+    list.extend(crate::list_modes_gaussian::filters(world));
     let default = NoiseSource::default();
     let roughened = particle(default, Resampling::Systematic, Trigger::Always, 0.2);
     list.push(entry("roughened (Gordon, Salmond and Smith)", Class::Reproduction, roughened));
