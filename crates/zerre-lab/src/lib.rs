@@ -9,8 +9,10 @@ pub mod consistency;
 mod distribution;
 pub mod error;
 pub mod metric;
+pub mod paper;
 pub mod report;
 pub mod scenario;
 pub mod score;
+pub mod study;
 
 pub use error::{Error, Result};
