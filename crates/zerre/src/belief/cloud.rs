@@ -190,27 +190,8 @@ impl<const N: usize> Cloud<N> {
     /// # Errors
     /// A level outside [0, 1].
     pub fn quantiles<const Q: usize>(&self, k: usize, levels: [f64; Q]) -> Result<[f64; Q]> {
-        for &level in &levels {
-            if !(0.0..=1.0).contains(&level) {
-                return Err(Error::OutOfRange {
-                    what: "level of a quantile",
-                    value: level,
-                    needs: "it must lie in [0, 1]",
-                });
-            }
-        }
-        let weighted = self.states[k].iter().copied().zip(self.weights());
-        let mut sorted: Vec<(f64, f64)> = weighted.filter(|&(_, w)| w > 0.0).collect();
-        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut cumulative = 0.0;
-        for (_, w) in &mut sorted {
-            cumulative += *w;
-            *w = cumulative;
-        }
-        Ok(levels.map(|level| {
-            let at = sorted.partition_point(|&(_, c)| c < level * cumulative);
-            sorted.get(at).or(sorted.last()).map_or(f64::NAN, |&(x, _)| x)
-        }))
+        level_checked(&levels)?;
+        Ok(quantiles_of(self.states[k].iter().copied().zip(self.weights()), levels))
     }
 
     /// An independent continuation: the same particles, other random numbers from here on.
@@ -223,6 +204,34 @@ impl<const N: usize> Cloud<N> {
     pub(crate) fn total(&self) -> Total<N> {
         Total::of(&self.blocks)
     }
+}
+
+/// Refuses levels of quantiles outside [0, 1].
+pub(super) fn level_checked(levels: &[f64]) -> Result<()> {
+    match levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
+        None => Ok(()),
+        Some(&value) => {
+            Err(Error::OutOfRange { what: "level of a quantile", value, needs: "it must lie in [0, 1]" })
+        }
+    }
+}
+
+/// Quantiles of (value, weight); NaN without any weight.
+pub(super) fn quantiles_of<const Q: usize>(
+    weighted: impl Iterator<Item = (f64, f64)>,
+    levels: [f64; Q],
+) -> [f64; Q] {
+    let mut sorted: Vec<(f64, f64)> = weighted.filter(|&(_, w)| w > 0.0).collect();
+    sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut cumulative = 0.0;
+    for (_, w) in &mut sorted {
+        cumulative += *w;
+        *w = cumulative;
+    }
+    levels.map(|level| {
+        let at = sorted.partition_point(|&(_, c)| c < level * cumulative);
+        sorted.get(at).or(sorted.last()).map_or(f64::NAN, |&(x, _)| x)
+    })
 }
 
 /// Block sums of equal weights.
@@ -250,18 +259,39 @@ pub(crate) struct SavedCloud {
     log_weights: Option<Vec<Option<f64>>>,
     log_sum: f64,
     weights: Vec<f64>,
-    /// Largest log-weight, sums of w, w^2 and w x.
-    blocks: Vec<(Option<f64>, f64, f64, Vec<f64>)>,
+    blocks: Vec<SavedBlock>,
     survivors: Option<Vec<u32>>,
 }
 
 /// A log-weight as it is saved.
-fn save_log(weight: f64) -> Option<f64> {
+pub(crate) fn save_log(weight: f64) -> Option<f64> {
     (weight != f64::NEG_INFINITY).then_some(weight)
 }
 
-fn load_log(saved: Option<f64>) -> Result<f64> {
+pub(crate) fn load_log(saved: Option<f64>) -> Result<f64> {
     saved.map_or(Ok(f64::NEG_INFINITY), |weight| Error::finite("saved log-weight", weight))
+}
+
+/// Refuses a number of things other than `expected`.
+pub(super) fn shape(what: &'static str, found: usize, expected: usize) -> Result<()> {
+    if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
+}
+
+/// Sums of a block: the largest log-weight, sums of w, w^2 and w x.
+pub(super) type SavedBlock = (Option<f64>, f64, f64, Vec<f64>);
+
+pub(super) fn save_block<const N: usize>(block: &BlockSums<N>) -> SavedBlock {
+    (save_log(block.max), block.sum, block.sum_squares, block.sum_states.to_vec())
+}
+
+pub(super) fn load_block<const N: usize>((max, sum, sum_squares, sums): SavedBlock) -> Result<BlockSums<N>> {
+    shape("sums of a saved block", sums.len(), N)?;
+    for &s in sums.iter().chain([&sum, &sum_squares]) {
+        Error::finite("sum of a saved block", s)?;
+    }
+    let mut sums = sums.into_iter();
+    let sum_states = std::array::from_fn(|_| sums.next().unwrap_or_default());
+    Ok(BlockSums { max: load_log(max)?, sum, sum_squares, sum_states })
 }
 
 impl<const N: usize> Serialize for Cloud<N> {
@@ -288,20 +318,13 @@ impl<const N: usize> Cloud<N> {
             log_weights: (!self.equal).then(|| self.log_weights.iter().map(|&l| save_log(l)).collect()),
             log_sum: self.log_sum,
             weights: self.weights.clone(),
-            blocks: self
-                .blocks
-                .iter()
-                .map(|b| (save_log(b.max), b.sum, b.sum_squares, b.sum_states.to_vec()))
-                .collect(),
+            blocks: self.blocks.iter().map(save_block).collect(),
             survivors: self.pending.then(|| self.ancestors.clone()),
         }
     }
 
     /// The cloud that was saved.
     pub(crate) fn restore(saved: SavedCloud) -> Result<Self> {
-        let shape = |what, found, expected| {
-            if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
-        };
         shape("columns of a saved cloud", saved.states.len(), N)?;
         let mut columns = saved.states.into_iter();
         let states = std::array::from_fn(|_| columns.next().unwrap_or_default());
@@ -309,15 +332,7 @@ impl<const N: usize> Cloud<N> {
         let n = cloud.len();
         shape("weights of a saved cloud", saved.weights.len(), n)?;
         shape("blocks of a saved cloud", saved.blocks.len(), n.div_ceil(BLOCK))?;
-        for (block, (max, sum, sum_squares, sums)) in cloud.blocks.iter_mut().zip(saved.blocks) {
-            shape("sums of a saved block", sums.len(), N)?;
-            for &s in sums.iter().chain([&sum, &sum_squares]) {
-                Error::finite("sum of a saved block", s)?;
-            }
-            let mut sums = sums.into_iter();
-            let sum_states = std::array::from_fn(|_| sums.next().unwrap_or_default());
-            *block = BlockSums { max: load_log(max)?, sum, sum_squares, sum_states };
-        }
+        cloud.blocks = saved.blocks.into_iter().map(load_block).collect::<Result<_>>()?;
         for &w in &saved.weights {
             Error::not_negative("saved weight", w)?;
         }

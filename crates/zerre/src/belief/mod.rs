@@ -2,7 +2,10 @@
 
 mod cloud;
 mod gaussian;
+mod modal_cloud;
 
-pub(crate) use cloud::SavedCloud;
 pub use cloud::{Cloud, MAX_PARTICLES};
+pub(crate) use cloud::{SavedCloud, load_log, save_log};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use modal_cloud::ModalCloud;
+pub(crate) use modal_cloud::{SavedModalCloud, Segment};

@@ -3,14 +3,20 @@
 mod extended;
 mod gaussian;
 mod kalman;
+mod multiple_model;
 mod particle;
+mod selection;
 mod unscented;
 
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
 pub use kalman::{Kalman, Linear};
+pub use multiple_model::{
+    AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
+};
 pub use particle::{ParticleFilter, Prior, Settings};
+pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub use unscented::{SigmaPoints, Unscented};
 
 use crate::error::Result;

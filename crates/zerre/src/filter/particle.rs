@@ -5,7 +5,7 @@ use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
 use crate::kernels::{
-    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Resolution, Simd, Survivors, Threads, Total,
+    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Resolution, Simd, Source, Survivors, Threads, Total,
 };
 use crate::math::{Cholesky, Real};
 use crate::model::{Likelihood, Motion, Noise};
@@ -147,7 +147,8 @@ where
                     let mut noise = NoiseBlock::<W>::new();
                     let key = NoiseKey { stream, purpose: Purpose::Motion, step: number, block: b };
                     kernels::fill_noise(simd, source, law, key, (last - first, components), &mut noise);
-                    kernels::propagate::<N, W, M>(simd, step, &noise, survivors, &mut states);
+                    let source = survivors.map_or(Source::Here, Source::Survivors);
+                    kernels::propagate::<N, W, M>(simd, step, &noise, source, &mut states);
                 } else if let Some(survivors) = survivors {
                     kernels::gather(survivors, &mut states);
                 }

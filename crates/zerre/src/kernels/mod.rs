@@ -19,7 +19,7 @@ pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
-pub(crate) use propagate::{Survivors, draw_normal, gather, propagate};
+pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
 pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };

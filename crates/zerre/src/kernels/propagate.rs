@@ -66,13 +66,23 @@ impl<const N: usize> SurvivorBlock<'_, N> {
     }
 }
 
-/// Moves the particles of one block: `states[k][i] <- f(x_i, noise)`, x_i being the survivor `i` where there was
-/// resampling, otherwise `states[..][i]` itself.
+/// Where the particles of a block stand before they are moved.
+#[derive(Clone, Copy)]
+pub(crate) enum Source<'a, const N: usize> {
+    /// In the columns that they are moved to.
+    Here,
+    /// In columns of their own: `from[k][i]`, as many as the block has.
+    Columns([&'a [f64]; N]),
+    /// Among the particles of the step before.
+    Survivors(SurvivorBlock<'a, N>),
+}
+
+/// Moves the particles of one block: `states[k][i] <- f(x_i, noise)`, x_i being particle i of `source`.
 pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
     level: Simd,
     step: &M::Step,
     noise: &NoiseBlock<W>,
-    survivors: Option<SurvivorBlock<'_, N>>,
+    source: Source<'_, N>,
     states: &mut [&mut [f64]; N],
 ) {
     #[inline(always)]
@@ -80,7 +90,7 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
         simd: S,
         step: &M::Step,
         noise: &NoiseBlock<W>,
-        survivors: Option<SurvivorBlock<'_, N>>,
+        source: Source<'_, N>,
         states: &mut [&mut [f64]; N],
     ) {
         let count = states[0].len();
@@ -88,8 +98,8 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
         assert!(states.iter().all(|c| c.len() == count) && count <= noise.width);
         // Local copies of the column pointers: the stores below could otherwise alias them.
         let columns = states.each_mut().map(|c| c.as_mut_ptr());
-        match survivors {
-            Some(survivors) => {
+        let from = match source {
+            Source::Survivors(survivors) => {
                 for i in (0..whole).step_by(LANES) {
                     let y = M::apply(step, survivors.lanes(simd, i), noise_lanes(simd, noise, i));
                     for k in 0..N {
@@ -97,27 +107,37 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
                         y[k].store(unsafe { std::slice::from_raw_parts_mut(columns[k].add(i), LANES) });
                     }
                 }
+                None
             }
-            None => {
-                for i in (0..whole).step_by(LANES) {
-                    let mut x = [Lanes::splat(simd, 0.0); N];
-                    for k in 0..N {
-                        // SAFETY: as above.
-                        x[k] = Lanes::load(simd, unsafe {
-                            std::slice::from_raw_parts(columns[k].add(i), LANES)
-                        });
-                    }
-                    let y = M::apply(step, x, noise_lanes(simd, noise, i));
-                    for k in 0..N {
-                        // SAFETY: as above.
-                        y[k].store(unsafe { std::slice::from_raw_parts_mut(columns[k].add(i), LANES) });
-                    }
+            Source::Columns(from) => {
+                assert!(from.iter().all(|c| c.len() == count));
+                Some(from.map(|c| c.as_ptr()))
+            }
+            Source::Here => Some(columns.map(<*mut f64>::cast_const)),
+        };
+        if let Some(from) = from {
+            for i in (0..whole).step_by(LANES) {
+                let mut x = [Lanes::splat(simd, 0.0); N];
+                for k in 0..N {
+                    // SAFETY: as above; no reference to what is stored below lives longer than the load.
+                    x[k] = Lanes::load(simd, unsafe { std::slice::from_raw_parts(from[k].add(i), LANES) });
+                }
+                let y = M::apply(step, x, noise_lanes(simd, noise, i));
+                for k in 0..N {
+                    // SAFETY: as above.
+                    y[k].store(unsafe { std::slice::from_raw_parts_mut(columns[k].add(i), LANES) });
                 }
             }
         }
         if whole < count {
-            if let Some(survivors) = &survivors {
-                gather_tail(survivors, whole, states);
+            match source {
+                Source::Here => {}
+                Source::Columns(from) => {
+                    for k in 0..N {
+                        states[k][whole..].copy_from_slice(&from[k][whole..]);
+                    }
+                }
+                Source::Survivors(survivors) => gather_tail(&survivors, whole, states),
             }
             let mut x = [Lanes::splat(simd, 0.0); N];
             for k in 0..N {
@@ -132,11 +152,15 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
     fn naive<const N: usize, const W: usize, M: Motion<N, W>>(
         step: &M::Step,
         noise: &NoiseBlock<W>,
-        survivors: Option<SurvivorBlock<'_, N>>,
+        source: Source<'_, N>,
         states: &mut [&mut [f64]; N],
     ) {
         for i in 0..states[0].len() {
-            let x = survivors.map_or_else(|| std::array::from_fn(|k| states[k][i]), |s| s.one(i));
+            let x = match source {
+                Source::Here => std::array::from_fn(|k| states[k][i]),
+                Source::Columns(from) => from.map(|c| c[i]),
+                Source::Survivors(survivors) => survivors.one(i),
+            };
             let y = M::apply(step, x, std::array::from_fn(|k| noise.number(k, i)));
             for k in 0..N {
                 states[k][i] = y[k];
@@ -145,8 +169,8 @@ pub(crate) fn propagate<const N: usize, const W: usize, M: Motion<N, W>>(
     }
     dispatch!(
         level,
-        simd => run::<N, W, M, _>(simd, step, noise, survivors, states),
-        naive => naive::<N, W, M>(step, noise, survivors, states)
+        simd => run::<N, W, M, _>(simd, step, noise, source, states),
+        naive => naive::<N, W, M>(step, noise, source, states)
     );
 }
 
@@ -201,7 +225,13 @@ pub(crate) fn draw_normal<const N: usize>(
 
 /// `states[k][i] <- survivor i`, without moving.
 pub(crate) fn gather<const N: usize>(survivors: SurvivorBlock<'_, N>, states: &mut [&mut [f64]; N]) {
-    gather_tail(&survivors, 0, states);
+    for (to, from) in states.iter_mut().zip(survivors.from) {
+        assert!(to.len() == survivors.ancestors.len());
+        for (x, &a) in to.iter_mut().zip(survivors.ancestors) {
+            // SAFETY: `Survivors::block` vouches for the indices.
+            *x = unsafe { *from.get_unchecked(a as usize) };
+        }
+    }
 }
 
 #[inline(always)]

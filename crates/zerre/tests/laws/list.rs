@@ -3,10 +3,13 @@
 
 use serde::{Serialize, de::DeserializeOwned};
 use zerre::belief::{Cloud, Gaussian, GaussianBelief};
-use zerre::filter::{Extended, Filter, Kalman, ParticleFilter, Settings, SigmaPoints, Unscented, Update};
+use zerre::filter::{
+    Extended, Filter, Kalman, ModalBelief, ModalSettings, MultipleModel, ParticleFilter, Settings,
+    SigmaPoints, Unscented, Update,
+};
 use zerre::kernels::{Generator, NoiseSource, Resolution, Simd, Threads};
 use zerre::math::Matrix;
-use zerre::model::{GaussianMeasurement, Measurement, motion::ConstantVelocity};
+use zerre::model::{Chain, GaussianMeasurement, JumpMarkov, Measurement, motion::ConstantVelocity};
 use zerre::resample::{Resampling, Trigger};
 use zerre::rng::Stream;
 use zerre::{Result, Time};
@@ -97,6 +100,18 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
             }
         }
     }
+    // One mode, and two that are alike behind a chain that is not: the posterior is that of one.
+    let alike = [(1, Chain::staying(1, 1.0)), (2, Chain::per_step(vec![vec![0.8, 0.2], vec![0.5, 0.5]]))];
+    for (modes, chain) in alike {
+        let model = JumpMarkov::new(vec![motion; modes], chain.unwrap()).unwrap();
+        for (noise, resampling) in SOURCES.into_iter().zip(RESAMPLINGS) {
+            let Means { particles, simd, ref threads } = *means;
+            let settings = ModalSettings { particles, resampling, noise, simd, threads: threads.clone() };
+            let filter = MultipleModel::new(prior, model.clone(), sensor, settings).unwrap();
+            let name = format!("multiple model, {modes} alike, {resampling:?}, {noise:?}");
+            list.push(entry(name, Class::Consistent, filter));
+        }
+    }
     let default = NoiseSource::default();
     let roughened = particle(default, Resampling::Systematic, Trigger::Always, 0.2);
     list.push(entry("roughened (Gordon, Salmond and Smith)", Class::Reproduction, roughened));
@@ -128,6 +143,15 @@ impl Estimates for Cloud<4> {
     }
     fn covariance(&self) -> Matrix<4, 4> {
         Cloud::covariance(self)
+    }
+}
+
+impl Estimates for ModalBelief<4> {
+    fn mean(&self) -> [f64; 4] {
+        self.estimate()
+    }
+    fn covariance(&self) -> Matrix<4, 4> {
+        self.cloud().covariance()
     }
 }
 
