@@ -2,10 +2,13 @@
 
 mod cloud;
 mod gaussian;
+mod modal;
 mod modal_cloud;
 
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub(crate) use cloud::{SavedCloud, load_log, save_log};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use modal::ModalGaussian;
+pub(crate) use modal::matched;
 pub use modal_cloud::ModalCloud;
 pub(crate) use modal_cloud::{SavedModalCloud, Segment};

@@ -2,6 +2,7 @@
 
 mod extended;
 mod gaussian;
+mod imm;
 mod kalman;
 mod multiple_model;
 mod particle;
@@ -11,6 +12,7 @@ mod unscented;
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
+pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use kalman::{Kalman, Linear};
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
