@@ -4,9 +4,13 @@ use super::scenarios::{SCENARIOS, STEPS, Scenario, World, times};
 use super::settings::{NOISES, Setting};
 use cpu_time::ThreadTime;
 use serde::{Deserialize, Serialize};
-use zerre::filter::{Filter, Outcome, ParticleFilter, Settings, SigmaPoints, Unscented};
+use zerre::belief::ModalGaussian;
+use zerre::filter::{
+    AfterResampling, Filter, ImmExtended, ImmUnscented, ModalSettings, MultipleModel, Outcome, Output, Rule,
+    ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
+};
 use zerre::model::jump::MAX_MODES;
-use zerre::resample::{Resampling, Trigger};
+use zerre::resample::Resampling;
 use zerre::rng::Stream;
 use zerre::{Result, Time};
 
@@ -290,22 +294,65 @@ pub fn contend(cell: &Cell, seed: u64, run: usize) -> Result<Run> {
     let world = scenario.world(NOISES[cell.noise], luck)?;
     let stream = luck.fork(FILTER).fork(cell.algorithm.family()).fork(cell.particles as u64);
     let assumed = cell.setting.assumed();
+    let model = assumed.model(scenario)?;
+    let models = model.modes().len();
+    let points = SigmaPoints::default();
+    let World { sensor, prior, .. } = world;
     match cell.algorithm {
-        Algorithm::KnownModeUkf | Algorithm::ImmUkf | Algorithm::ImmEkf | Algorithm::RbMmpf => {
-            let points = SigmaPoints::default();
-            let filter = Unscented::new(assumed.script(scenario)?, world.sensor, world.prior, points)?;
+        Algorithm::Alg1 | Algorithm::Alg2 | Algorithm::Alg3 | Algorithm::Alg2Wsms | Algorithm::Alg3Wsms => {
+            let filter = MultipleModel::new(prior, model, sensor, multinomial(cell.particles))?
+                .with_error(ScaledResidual { sensor, scale: THESIS_ERROR })
+                .with_output(match cell.algorithm {
+                    Algorithm::Alg1 => Output::Survivors,
+                    Algorithm::Alg3 | Algorithm::Alg3Wsms => Output::LeastError,
+                    _ => Output::Mixture,
+                })?
+                .with_after_resampling(match cell.reading {
+                    Reading::Equal => AfterResampling::Equal,
+                    Reading::Recomputed => AfterResampling::Recomputed,
+                    Reading::RecomputedKept => AfterResampling::RecomputedKept,
+                });
+            let filter = match cell.wsms {
+                Wsms::None => filter,
+                Wsms::SemiDynamic => filter.with_selection(rules(Rule::semi_dynamic()))?,
+                Wsms::Dynamic => filter.with_selection(rules(Rule::Dynamic))?,
+            };
+            drive(&filter, &world, stream, |belief| {
+                let computed = belief.models_computed();
+                let glance = Glance::new(&belief.estimate(), computed * cell.particles);
+                let single = computed == 1 && models > 1;
+                Ok(Glance { single, ..glance.with_modes(belief.cloud().probabilities()) })
+            })
+        }
+        Algorithm::ImmUkf => {
+            let filter = ImmUnscented::new(points, model, sensor, prior)?;
+            drive(&filter, &world, stream, |belief| gaussians(belief, models))
+        }
+        Algorithm::ImmEkf => {
+            let filter = ImmExtended::new(Tangent, model, sensor, prior)?;
+            drive(&filter, &world, stream, |belief| gaussians(belief, models))
+        }
+        Algorithm::ImmPf | Algorithm::RbMmpf | Algorithm::KnownModeUkf => {
+            let filter = Unscented::new(assumed.script(scenario)?, sensor, prior, points)?;
             drive(&filter, &world, stream, |belief| Ok(Glance::new(belief.state.mean(), 1)))
         }
-        _ => {
-            let settings = Settings {
-                particles: cell.particles,
-                resampling: Resampling::Multinomial,
-                trigger: Trigger::Always,
-                ..Settings::default()
-            };
-            let filter = ParticleFilter::new(world.prior, assumed.script(scenario)?, world.sensor, settings)?;
-            let see = |cloud: &zerre::belief::Cloud<6>| Ok(Glance::new(&cloud.mean(), cloud.len()));
-            drive(&filter, &world, stream, see)
-        }
     }
+}
+
+/// Factors that make kilometres of metres and leave radians alone: the error of the thesis adds their squares.
+const THESIS_ERROR: [f64; 2] = [1e-3, 1.0];
+
+/// The settings of the thesis's particles: multinomial resampling at every step.
+fn multinomial(particles: usize) -> ModalSettings {
+    ModalSettings { particles, resampling: Resampling::Multinomial, ..ModalSettings::default() }
+}
+
+/// The selection with its default window and threshold.
+fn rules(rule: Rule) -> Selection {
+    Selection { rule, ..Selection::default() }
+}
+
+fn gaussians(belief: &ModalGaussian<6>, models: usize) -> Result<Glance> {
+    let glance = Glance::new(belief.combined()?.mean(), models);
+    Ok(glance.with_modes(belief.probabilities().iter().copied()))
 }

@@ -35,7 +35,7 @@ type Place = (String, String, String, String);
 #[derive(Clone, Debug)]
 pub struct Thesis {
     cells: HashMap<Place, Printed>,
-    suspects: usize,
+    suspects: Vec<String>,
 }
 
 /// A line of the data that is not what it should be.
@@ -93,10 +93,11 @@ impl Thesis {
             let printed = Printed { rmse: value(&rmse)?, seconds: value(&seconds)? };
             cells.insert(("6.13".to_owned(), scenario, noise, "0".to_owned()), printed);
         }
-        let mut suspects = 0;
+        let mut suspects = Vec::new();
         for row in lines::<7>("suspect cells", SUSPECT) {
             let (line, [table, algorithm, noise, particles, column, read_as, reason]) = row?;
             let damaged = |what: &str| Damaged { table: "suspect cells", line, what: what.to_owned() };
+            let place = format!("{table}, {algorithm}, {particles} particles, noise {noise}, {column}");
             let cell = cells.get_mut(&(table, algorithm, noise, particles));
             let cell = cell.ok_or_else(|| damaged("there is no such cell"))?;
             let number = match column.as_str() {
@@ -108,15 +109,15 @@ impl Thesis {
                 number.value = self::number("suspect cells", line, &read_as)?;
             }
             number.usable = !read_as.is_empty();
+            suspects.push(format!("{place}: {reason}"));
             number.doubt = Some(reason);
-            suspects += 1;
         }
         Ok(Thesis { cells, suspects })
     }
 
-    /// How many numbers are marked, those of table 6.13 apart, all of which are.
-    pub fn suspects(&self) -> usize {
-        self.suspects
+    /// The numbers that are marked, with the reasons; those of table 6.13 apart, all of which are.
+    pub fn suspects(&self) -> &[String] {
+        &self.suspects
     }
 
     /// What the thesis prints for a cell, where it does.
@@ -161,10 +162,10 @@ mod tests {
     fn all_cells_of_the_thesis_are_read() {
         let thesis = Thesis::read().unwrap();
         assert_eq!(thesis.cells.len(), 720 + 12);
-        assert_eq!(thesis.suspects(), SUSPECT.lines().count() - 1);
+        assert_eq!(thesis.suspects().len(), SUSPECT.lines().count() - 1);
         let marked = |p: &Printed| usize::from(p.rmse.doubt.is_some()) + usize::from(p.seconds.doubt.is_some());
         let marks: usize = thesis.cells.values().map(marked).sum();
-        assert_eq!(marks, thesis.suspects() + 2 * 12);
+        assert_eq!(marks, thesis.suspects().len() + 2 * 12);
         // Every cell of the grid has its printed pair.
         for scenario in 0..3 {
             for noise in 0..NOISES.len() {

@@ -6,6 +6,9 @@ use zerre::Result;
 use zerre::model::jump::{Chain, JumpMarkov};
 use zerre::model::motion::{Flight, Manoeuvre, Scripted, WienerAcceleration};
 
+/// The text of this file, so that a report can say by which settings, to the letter, it was made.
+pub const SOURCE: &str = include_str!("settings.rs");
+
 /// Particle counts of the thesis.
 pub const PARTICLES: [usize; 6] = [1000, 2000, 3000, 4000, 5000, 7000];
 /// The count that stands for all where one is shown, and the smallest.

@@ -2,7 +2,7 @@
 
 use super::contenders::{Algorithm, Cell, Reading, Wsms};
 use super::printed::{Damaged, Number, Thesis};
-use super::scenarios::{SCENARIOS, STEPS};
+use super::scenarios::SCENARIOS;
 use super::settings::{NOISES, Setting};
 use super::{Asked, IMM, Outcome, PAIRED_WITH, RB_MANY, Request, Saving};
 use crate::study::interval::{Bootstrap, Estimate, holm, mean, median, paired};
@@ -53,7 +53,6 @@ pub struct Results<'a> {
     pub(super) outcomes: &'a BTreeMap<Cell, Outcome>,
     pub(super) saving: Option<&'a Saving>,
     pub(super) thesis: Thesis,
-    pub(super) seed: u64,
     bootstraps: BTreeMap<usize, Bootstrap>,
 }
 
@@ -97,7 +96,7 @@ impl<'a> Results<'a> {
         for runs in counts.chain(of_saving) {
             bootstraps.entry(runs).or_insert_with(|| Bootstrap::new(runs, stream));
         }
-        Ok(Results { request, outcomes, saving, thesis: Thesis::read()?, seed, bootstraps })
+        Ok(Results { request, outcomes, saving, thesis: Thesis::read()?, bootstraps })
     }
 
     fn estimate(&self, runs: usize, statistic: impl Fn(&[usize]) -> f64) -> Option<Estimate> {
@@ -159,32 +158,12 @@ impl<'a> Results<'a> {
         for asked in &self.request.tables {
             match *asked {
                 Asked::Grid(scenario, wsms) => {
-                    let first = if wsms == Wsms::Dynamic { 7 } else { 1 };
-                    tables.push(self.grid(first + scenario, scenario, wsms));
-                    tables.push(self.percentages(first + scenario + 3, scenario, wsms));
+                    tables.push(self.grid_table(scenario, wsms));
+                    tables.push(self.percentages(scenario, wsms));
                 }
-                Asked::Imm => tables.push(self.by_noise("table-6.13", "IMM filters", &|cell| {
-                    IMM.contains(&(cell.algorithm, cell.setting))
-                })),
-                Asked::Readings => tables.push(self.by_noise(
-                    "table-readings",
-                    "Algorithm 1 under each reading of the weights after resampling",
-                    &|cell| {
-                        cell.algorithm == Algorithm::Alg1
-                            && self.outcomes.contains_key(&Cell { reading: Reading::Recomputed, ..*cell })
-                    },
-                )),
-                Asked::Beyond => tables.push(self.by_noise(
-                    "table-beyond",
-                    "Filters that the thesis does not have",
-                    &|cell| {
-                        use Algorithm::{ImmPf, ImmUkf, KnownModeUkf, RbMmpf};
-                        let others = matches!(cell.algorithm, ImmPf | RbMmpf | KnownModeUkf);
-                        others || (cell.algorithm, cell.setting) == (ImmUkf, Setting::Matched)
-                    },
-                )),
+                Asked::Imm | Asked::Readings | Asked::Beyond => tables.push(self.by_noise(*asked)),
                 Asked::Paired => tables.push(self.paired()),
-                Asked::Saving => tables.extend(self.saving()),
+                Asked::Saving => tables.extend(self.saving_table()),
             }
         }
         tables
@@ -239,7 +218,8 @@ impl<'a> Results<'a> {
     }
 
     /// Tables 6.1 to 6.3 and 6.7 to 6.9.
-    fn grid(&self, number: usize, scenario: usize, wsms: Wsms) -> Table {
+    fn grid_table(&self, scenario: usize, wsms: Wsms) -> Table {
+        let number = scenario + if wsms == Wsms::Dynamic { 7 } else { 1 };
         let columns = [
             "rmse_km", "rmse_km_low", "rmse_km_high", "paper_rmse_km", "seconds", "paper_seconds", "one_model_share",
             "model_evaluations",
@@ -281,7 +261,8 @@ impl<'a> Results<'a> {
     }
 
     /// Tables 6.4 to 6.6 and 6.10 to 6.12: equation 6.3.
-    fn percentages(&self, number: usize, scenario: usize, wsms: Wsms) -> Table {
+    pub(super) fn percentages(&self, scenario: usize, wsms: Wsms) -> Table {
+        let number = scenario + if wsms == Wsms::Dynamic { 10 } else { 4 };
         let columns = [
             "rmse_percent", "rmse_percent_low", "rmse_percent_high", "paper_rmse_percent", "seconds_percent",
             "paper_seconds_percent",
@@ -336,8 +317,34 @@ impl<'a> Results<'a> {
         ]
     }
 
+    /// The filters of a table that has a row per filter and scenario, each at the first noise.
+    pub(super) fn listed(&self, asked: Asked) -> impl Iterator<Item = &Cell> {
+        use Algorithm::{Alg1, ImmPf, ImmUkf, KnownModeUkf, RbMmpf};
+        let read = |cell: &Cell| self.outcomes.contains_key(&Cell { reading: Reading::Recomputed, ..*cell });
+        self.outcomes.keys().filter(move |cell| {
+            let filter = (cell.algorithm, cell.setting);
+            cell.noise == 0
+                && match asked {
+                    Asked::Imm => IMM.contains(&filter),
+                    Asked::Readings => cell.algorithm == Alg1 && read(cell),
+                    Asked::Beyond => {
+                        let others = matches!(cell.algorithm, ImmPf | RbMmpf | KnownModeUkf);
+                        others || filter == (ImmUkf, Setting::Matched)
+                    }
+                    Asked::Grid(..) | Asked::Paired | Asked::Saving => false,
+                }
+        })
+    }
+
     /// A row per filter and scenario, columns by noise.
-    fn by_noise(&self, name: &str, about: &str, wanted: &dyn Fn(&Cell) -> bool) -> Table {
+    fn by_noise(&self, asked: Asked) -> Table {
+        let (name, about) = match asked {
+            Asked::Readings => {
+                ("table-readings", "Algorithm 1 under each reading of the weights after resampling")
+            }
+            Asked::Beyond => ("table-beyond", "Filters that the thesis does not have"),
+            _ => ("table-6.13", "IMM filters"),
+        };
         let columns =
             ["rmse_km", "rmse_km_low", "rmse_km_high", "paper_rmse_km", "seconds", "paper_seconds", "model_evaluations"];
         let mut head = ["scenario", "algorithm", "setting", "reading", "particles"].map(str::to_owned).to_vec();
@@ -345,7 +352,7 @@ impl<'a> Results<'a> {
             head.extend(columns.iter().map(|name| format!("{name}_{noise}")));
         }
         let mut rows = Vec::new();
-        for cell in self.outcomes.keys().filter(|cell| cell.noise == 0 && wanted(cell)) {
+        for cell in self.listed(asked) {
             let mut row: Vec<Entry> = vec![(cell.scenario + 1).into()];
             row.extend([cell.algorithm.name(), cell.setting.name(), cell.reading.name()].map(Entry::from));
             row.push(cell.particles.into());
@@ -370,7 +377,7 @@ impl<'a> Results<'a> {
     }
 
     /// Whether Rao-Blackwellised particles are worse than an IMM filter, run by run on the same measurements.
-    fn paired(&self) -> Table {
+    pub(super) fn paired(&self) -> Table {
         let mut rows = Vec::new();
         for setting in PAIRED_WITH {
             let mut tests = Vec::new();
@@ -421,7 +428,7 @@ impl<'a> Results<'a> {
     }
 
     /// Times and errors of filters that took turns, against algorithm 1.
-    fn saving(&self) -> Option<Table> {
+    pub(super) fn saving_table(&self) -> Option<Table> {
         let saving = self.saving?;
         let mut rows = Vec::new();
         for (at, cell) in saving.filters.iter().enumerate() {
@@ -471,10 +478,11 @@ impl<'a> Results<'a> {
         Some(table("table-saving", about, &head, rows))
     }
 
-    /// Steps and runs that did not go as planned, over all cells: steps without likelihood, lost runs, and all steps.
-    pub fn mishaps(&self) -> (usize, usize, usize) {
+    /// Steps and runs that did not go as planned, over all cells: steps whose measurement had no likelihood
+    /// anywhere, and runs whose filter refused to go on.
+    pub fn mishaps(&self) -> (usize, usize) {
         let sum = |of: fn(&Outcome) -> usize| self.outcomes.values().map(of).sum();
-        (sum(|o| o.degenerate), sum(|o| o.lost), sum(|o| o.mse.len() * STEPS))
+        (sum(|o| o.degenerate), sum(|o| o.lost))
     }
 }
 
