@@ -2,12 +2,14 @@
 
 mod cloud;
 mod gaussian;
+mod hypotheses;
 mod modal;
 mod modal_cloud;
 
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub(crate) use cloud::{SavedCloud, load_log, save_log};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use hypotheses::{Hypotheses, Hypothesis};
 pub use modal::ModalGaussian;
 pub(crate) use modal::matched;
 pub use modal_cloud::ModalCloud;

@@ -53,12 +53,10 @@ impl Transform for Linear {
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>> {
         let noise = motion.noise();
-        let here = MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W]);
-        let there = MotionTangent::<N, W>::at::<A>(step, &off(state), &from_fn(|i| 1.0 + i as f64));
-        if !(same(&here.by_state, &there.by_state) && same(&here.by_noise, &there.by_noise)) {
-            return refuse("a nonlinear motion");
+        match MotionTangent::of_linear::<A>(step, noise, state) {
+            Some(tangent) => tangent.propagate(noise.variance(), state),
+            None => refuse("a nonlinear motion"),
         }
-        here.propagate(noise.variance(), state)
     }
 
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
@@ -96,6 +94,19 @@ impl Transform for Linear {
             return refuse("a robust measurement");
         }
         self.observe(measurement, Time::ZERO, prior).map(drop)
+    }
+}
+
+impl<const N: usize, const W: usize> MotionTangent<N, W> {
+    /// The tangent at the mean of `state`, unless that at a point away from it differs.
+    pub(super) fn of_linear<A: Motion<N, W>>(
+        step: &A::Step,
+        noise: Noise,
+        state: &Gaussian<N>,
+    ) -> Option<Self> {
+        let here = Self::at::<A>(step, state.mean(), &[noise.mean(); W]);
+        let there = Self::at::<A>(step, &off(state), &from_fn(|i| 1.0 + i as f64));
+        (same(&here.by_state, &there.by_state) && same(&here.by_noise, &there.by_noise)).then_some(here)
     }
 }
 

@@ -6,6 +6,7 @@ mod imm;
 mod kalman;
 mod multiple_model;
 mod particle;
+mod rao_blackwell;
 mod selection;
 mod unscented;
 
@@ -18,6 +19,7 @@ pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
 };
 pub use particle::{ParticleFilter, Prior, Settings};
+pub use rao_blackwell::RaoBlackwell;
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub use unscented::{SigmaPoints, Unscented};
 

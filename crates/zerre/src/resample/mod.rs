@@ -1,4 +1,8 @@
-//! Resampling: `n` weighted particles become `m` equally weighted ones.
+//! Resampling: `n` weighted particles become `m` equally weighted ones, or `n` weighted hypotheses fewer.
+
+mod optimal;
+
+pub use optimal::Reduction;
 
 use crate::belief::MAX_PARTICLES;
 use crate::error::{Error, Result};

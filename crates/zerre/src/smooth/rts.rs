@@ -26,7 +26,6 @@ where
     A: Motion<N, W>,
 {
     let mut smoothed = filtered.to_vec();
-    let noise = motion.noise();
     for k in (1..smoothed.len()).rev() {
         let (now, after) = (filtered[k - 1], smoothed[k]);
         if now.time > after.time {
@@ -38,16 +37,30 @@ where
             continue;
         }
         let step = motion.over(now.time, after.time)?;
-        let tangent = MotionTangent::<N, W>::at::<A>(&step, now.state.mean(), &[noise.mean(); W]);
-        let added = tangent.noise_covariance(noise.variance());
-        let prior = now.state.covariance();
-        let predicted = Cholesky::of("predicted covariance", &(tangent.by_state.congruence(prior) + added))?;
-        let gain = predicted.solve_matrix(&(tangent.by_state * *prior)).transpose();
-        let correction = gain * from_fn(|i| after.state.mean()[i] - tangent.value[i]);
-        let mean = from_fn(|i| now.state.mean()[i] + correction[i]);
-        let kept = (Matrix::identity() - gain * tangent.by_state).congruence(prior);
-        let covariance = kept + gain.congruence(&(added + *after.state.covariance()));
-        smoothed[k - 1].state = Gaussian::computed("smoothed mean", "smoothed covariance", mean, covariance)?;
+        smoothed[k - 1].state = backward(motion, &step, &now.state, &after.state)?;
     }
     Ok(smoothed)
+}
+
+/// One step back: the smoothed law before a step from the filtered law `now` and the smoothed law `after` it.
+pub(super) fn backward<A, const N: usize, const W: usize>(
+    motion: &A,
+    step: &A::Step,
+    now: &Gaussian<N>,
+    after: &Gaussian<N>,
+) -> Result<Gaussian<N>>
+where
+    A: Motion<N, W>,
+{
+    let noise = motion.noise();
+    let tangent = MotionTangent::<N, W>::at::<A>(step, now.mean(), &[noise.mean(); W]);
+    let added = tangent.noise_covariance(noise.variance());
+    let prior = now.covariance();
+    let predicted = Cholesky::of("predicted covariance", &(tangent.by_state.congruence(prior) + added))?;
+    let gain = predicted.solve_matrix(&(tangent.by_state * *prior)).transpose();
+    let correction = gain * from_fn(|i| after.mean()[i] - tangent.value[i]);
+    let mean = from_fn(|i| now.mean()[i] + correction[i]);
+    let kept = (Matrix::identity() - gain * tangent.by_state).congruence(prior);
+    let covariance = kept + gain.congruence(&(added + *after.covariance()));
+    Gaussian::computed("smoothed mean", "smoothed covariance", mean, covariance)
 }

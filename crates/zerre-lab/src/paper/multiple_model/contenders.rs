@@ -6,8 +6,8 @@ use cpu_time::ThreadTime;
 use serde::{Deserialize, Serialize};
 use zerre::belief::ModalGaussian;
 use zerre::filter::{
-    AfterResampling, Filter, ImmExtended, ImmUnscented, ModalSettings, MultipleModel, Outcome, Output, Rule,
-    ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
+    AfterResampling, Filter, ImmExtended, ImmUnscented, ModalSettings, MultipleModel, Outcome, Output,
+    RaoBlackwell, Rule, ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
 };
 use zerre::model::jump::MAX_MODES;
 use zerre::resample::Resampling;
@@ -332,7 +332,14 @@ pub fn contend(cell: &Cell, seed: u64, run: usize) -> Result<Run> {
             let filter = ImmExtended::new(Tangent, model, sensor, prior)?;
             drive(&filter, &world, stream, |belief| gaussians(belief, models))
         }
-        Algorithm::ImmPf | Algorithm::RbMmpf | Algorithm::KnownModeUkf => {
+        Algorithm::RbMmpf => {
+            let filter = RaoBlackwell::new(points, model, sensor, prior, cell.particles)?;
+            drive(&filter, &world, stream, |belief| {
+                let glance = Glance::new(&belief.mean(), belief.len());
+                Ok(glance.with_modes((0..models).map(|mode| belief.probability(mode))))
+            })
+        }
+        Algorithm::ImmPf | Algorithm::KnownModeUkf => {
             let filter = Unscented::new(assumed.script(scenario)?, sensor, prior, points)?;
             drive(&filter, &world, stream, |belief| Ok(Glance::new(belief.state.mean(), 1)))
         }

@@ -1,0 +1,186 @@
+//! Weighted Gaussians, each of one history of modes.
+
+use super::{Gaussian, matched};
+use crate::error::{Error, Result};
+use crate::model::jump::count;
+use crate::rng::Stream;
+use crate::time::Time;
+use serde::{Deserialize, Serialize};
+
+/// What is known of a target that moves in one of several modes: hypotheses about the modes so far, each with its weight
+/// and, given it, a Gaussian. The belief of the Rao-Blackwellised filter ([`RaoBlackwell`](crate::filter::RaoBlackwell)).
+///
+/// It shows all hypotheses that the last step weighed; the next step goes on from as many as the filter keeps.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Parts<N>")]
+pub struct Hypotheses<const N: usize> {
+    pub(crate) time: Time,
+    pub(crate) stream: Stream,
+    pub(crate) step: u64,
+    pub(crate) modes: usize,
+    pub(crate) all: Vec<Hypothesis<N>>,
+    /// Where a step writes, so that one that fails changes nothing, and memory that steps use again and again.
+    #[serde(skip_serializing)]
+    pub(crate) spare: Vec<Hypothesis<N>>,
+    #[serde(skip_serializing)]
+    pub(crate) weights: Vec<f64>,
+    #[serde(skip_serializing)]
+    pub(crate) kept: Vec<(u32, f64)>,
+}
+
+/// One history of modes, of which the last counts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hypothesis<const N: usize> {
+    /// The mode of the last step, by its number in the model.
+    pub mode: usize,
+    /// Its probability; all sum to 1.
+    pub weight: f64,
+    /// The law of the state given the history.
+    pub law: Gaussian<N>,
+}
+
+/// What is read before it is checked.
+#[derive(Deserialize)]
+struct Parts<const N: usize> {
+    time: Time,
+    stream: Stream,
+    step: u64,
+    modes: usize,
+    all: Vec<Hypothesis<N>>,
+}
+
+impl<const N: usize> TryFrom<Parts<N>> for Hypotheses<N> {
+    type Error = Error;
+    fn try_from(parts: Parts<N>) -> Result<Self> {
+        let Parts { time, stream, step, modes, all } = parts;
+        Ok(Hypotheses { step, ..Hypotheses::new(time, stream, modes, all)? })
+    }
+}
+
+/// Equal beliefs go on to equal bits.
+impl<const N: usize> PartialEq for Hypotheses<N> {
+    fn eq(&self, other: &Self) -> bool {
+        let parts = |b: &Self| (b.time, b.stream, b.step, b.modes);
+        parts(self) == parts(other) && self.all == other.all
+    }
+}
+
+impl<const N: usize> Hypotheses<N> {
+    /// The belief of these hypotheses over so many modes; `stream` is what reductions draw from.
+    ///
+    /// # Errors
+    /// No mode or more than [`MAX_MODES`](crate::model::jump::MAX_MODES), a hypothesis of another mode, weights that are
+    /// negative, not finite or do not sum to 1 within 1e-9.
+    pub fn new(time: Time, stream: Stream, modes: usize, all: Vec<Hypothesis<N>>) -> Result<Self> {
+        count(modes)?;
+        let mut sum = 0.0;
+        for hypothesis in &all {
+            if hypothesis.mode >= modes {
+                let (what, found) = ("number of a mode (from 0, below)", hypothesis.mode);
+                return Err(Error::Shape { what, found, expected: modes });
+            }
+            sum += Error::not_negative("weight of a hypothesis", hypothesis.weight)?;
+        }
+        if (sum - 1.0).abs() > 1e-9 {
+            let needs = "the weights of hypotheses must sum to 1";
+            return Err(Error::OutOfRange { what: "sum of the weights", value: sum, needs });
+        }
+        let (spare, weights, kept) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Hypotheses { time, stream, step: 0, modes, all, spare, weights, kept })
+    }
+
+    /// Time of the belief.
+    pub fn time(&self) -> Time {
+        self.time
+    }
+
+    /// Number of hypotheses.
+    pub fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Never true: there is at least one hypothesis.
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    /// The hypotheses, those of one parent side by side.
+    pub fn iter(&self) -> std::slice::Iter<'_, Hypothesis<N>> {
+        self.all.iter()
+    }
+
+    /// Number of modes.
+    pub fn modes(&self) -> usize {
+        self.modes
+    }
+
+    /// Probability of mode `j`.
+    pub fn probability(&self, j: usize) -> f64 {
+        self.all.iter().filter(|h| h.mode == j).map(|h| h.weight).sum()
+    }
+
+    /// The Gaussian with the mean and covariance of the state given mode `j`.
+    ///
+    /// # Errors
+    /// No hypothesis with that mode and a weight; sums that are not finite.
+    pub fn mode(&self, j: usize) -> Result<Gaussian<N>> {
+        matched(self.all.iter().filter(|h| h.mode == j).map(|h| (h.weight, &h.law)))
+    }
+
+    /// The Gaussian with the mean and covariance of the whole.
+    ///
+    /// # Errors
+    /// Sums that are not finite.
+    pub fn combined(&self) -> Result<Gaussian<N>> {
+        matched(self.all.iter().map(|h| (h.weight, &h.law)))
+    }
+
+    /// The mean of the whole.
+    pub fn mean(&self) -> [f64; N] {
+        let mut mean = [0.0; N];
+        for hypothesis in &self.all {
+            for (sum, x) in mean.iter_mut().zip(hypothesis.law.mean()) {
+                *sum += hypothesis.weight * x;
+            }
+        }
+        mean
+    }
+
+    /// An independent continuation: the same hypotheses, other random numbers from here on.
+    #[must_use]
+    pub fn fork(&self, label: u64) -> Self {
+        Hypotheses { stream: self.stream.fork(label), ..self.clone() }
+    }
+}
+
+impl<'a, const N: usize> IntoIterator for &'a Hypotheses<N> {
+    type Item = &'a Hypothesis<N>;
+    type IntoIter = std::slice::Iter<'a, Hypothesis<N>>;
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Matrix;
+
+    #[test]
+    fn parts_are_those_of_the_mixture() {
+        let law = |m: f64| Gaussian::new([m], Matrix([[1.0]])).unwrap();
+        let part = |mode, weight, m| Hypothesis { mode, weight, law: law(m) };
+        let all = vec![part(0, 0.25, 1.0), part(1, 0.5, 2.0), part(0, 0.25, 3.0)];
+        let belief = Hypotheses::new(Time::ZERO, Stream::new(1), 3, all.clone()).unwrap();
+        assert_eq!((belief.probability(0), belief.probability(1), belief.probability(2)), (0.5, 0.5, 0.0));
+        assert_eq!(belief.mode(0).unwrap(), Gaussian::new([2.0], Matrix([[2.0]])).unwrap());
+        assert_eq!(belief.combined().unwrap(), Gaussian::new([2.0], Matrix([[1.5]])).unwrap());
+        assert_eq!(belief.mean(), [2.0]);
+        assert!(belief.mode(2).is_err());
+
+        let text = serde_json::to_string(&belief).unwrap();
+        assert_eq!(serde_json::from_str::<Hypotheses<1>>(&text).unwrap(), belief);
+        assert!(serde_json::from_str::<Hypotheses<1>>(&text.replace("\"modes\":3", "\"modes\":1")).is_err());
+        assert!(Hypotheses::new(Time::ZERO, Stream::new(1), 3, all[..2].to_vec()).is_err());
+    }
+}
