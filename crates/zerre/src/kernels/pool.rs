@@ -124,7 +124,7 @@ impl<'a, T, const K: usize> SharedColumns<'a, T, K> {
     /// No two live results may overlap.
     #[allow(clippy::mut_from_ref, reason = "disjointness is the caller's contract")]
     unsafe fn range(&self, from: usize, to: usize) -> [&mut [T]; K] {
-        assert!(from <= to && to <= self.len);
+        assert!(from <= to && (K == 0 || to <= self.len));
         // SAFETY: inside the borrowed slices, and not aliased by the contract above.
         self.start.map(|p| unsafe { std::slice::from_raw_parts_mut(p.add(from), to - from) })
     }
