@@ -4,6 +4,8 @@ mod optimal;
 
 pub use optimal::Reduction;
 
+mod interaction;
+
 use crate::belief::MAX_PARTICLES;
 use crate::error::{Error, Result};
 use crate::kernels::{
@@ -11,6 +13,7 @@ use crate::kernels::{
     fill_uniforms, merge_sorted, prefix_sums, split_copies, to_exponentials,
 };
 use crate::rng::{Purpose, Stream};
+pub(crate) use interaction::Mixture;
 use serde::{Deserialize, Serialize};
 
 /// How the ancestors are drawn. All give particle i on average m w_i copies; they differ in the spread.

@@ -6,7 +6,7 @@ use cpu_time::ThreadTime;
 use serde::{Deserialize, Serialize};
 use zerre::belief::ModalGaussian;
 use zerre::filter::{
-    AfterResampling, Filter, ImmExtended, ImmUnscented, ModalSettings, MultipleModel, Outcome, Output,
+    AfterResampling, Filter, ImmExtended, ImmParticle, ImmUnscented, ModalSettings, MultipleModel, Outcome, Output,
     RaoBlackwell, Rule, ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
 };
 use zerre::model::jump::MAX_MODES;
@@ -339,7 +339,13 @@ pub fn contend(cell: &Cell, seed: u64, run: usize) -> Result<Run> {
                 Ok(glance.with_modes((0..models).map(|mode| belief.probability(mode))))
             })
         }
-        Algorithm::ImmPf | Algorithm::KnownModeUkf => {
+        Algorithm::ImmPf => {
+            let filter = ImmParticle::new(prior, model, sensor, multinomial(cell.particles))?;
+            drive(&filter, &world, stream, |cloud| {
+                Ok(Glance::new(&cloud.mean(), cell.particles).with_modes(cloud.probabilities()))
+            })
+        }
+        Algorithm::KnownModeUkf => {
             let filter = Unscented::new(assumed.script(scenario)?, sensor, prior, points)?;
             drive(&filter, &world, stream, |belief| Ok(Glance::new(belief.state.mean(), 1)))
         }
