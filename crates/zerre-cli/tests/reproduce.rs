@@ -62,17 +62,39 @@ fn everything_is_written_and_threads_change_nothing_but_times() {
     let second = json(&here, &format!("{line} --threads 2 --out two"));
     assert_eq!(first["estimates_digest"], second["estimates_digest"]);
     assert_eq!(estimates(&first), estimates(&second));
-    assert_eq!((&first["paper"], &first["seed"], &first["runs"]), (&"multiple-model".into(), &1.into(), &2.into()));
+    assert_eq!(
+        (&first["paper"], &first["seed"], &first["runs"]),
+        (&"multiple-model".into(), &1.into(), &2.into())
+    );
     let rows = first["rows"].as_array().unwrap();
     for key in [
-        "scenario", "algorithm", "wsms", "particles", "noise", "setting", "metric", "statistic", "value", "low", "high",
+        "scenario",
+        "algorithm",
+        "wsms",
+        "particles",
+        "noise",
+        "setting",
+        "metric",
+        "statistic",
+        "value",
+        "low",
+        "high",
         "paper_value",
     ] {
         assert!(rows.iter().all(|row| row.get(key).is_some()), "{key}");
     }
-    for algorithm in
-        ["alg1", "alg2", "alg3", "alg2+wsms", "alg3+wsms", "imm-ukf", "imm-ekf", "imm-pf", "rb-mmpf", "known-mode-ukf"]
-    {
+    for algorithm in [
+        "alg1",
+        "alg2",
+        "alg3",
+        "alg2+wsms",
+        "alg3+wsms",
+        "imm-ukf",
+        "imm-ekf",
+        "imm-pf",
+        "rb-mmpf",
+        "known-mode-ukf",
+    ] {
         for scenario in 1..=3 {
             for noise in [0.01, 0.1, 0.15, 0.2] {
                 let here = |row: &&Value| {
@@ -126,7 +148,10 @@ fn another_seed_moves_every_cell() {
     let [first, second] = [1, 2].map(|seed| json(&here, &format!("{line} --seed {seed} --out s{seed}")));
     let errors = |document: &Value| -> Vec<f64> {
         let rows = document["rows"].as_array().unwrap();
-        rows.iter().filter(|row| row["metric"] == "rmse_km").map(|row| row["value"].as_f64().unwrap()).collect()
+        rows.iter()
+            .filter(|row| row["metric"] == "rmse_km")
+            .map(|row| row["value"].as_f64().unwrap())
+            .collect()
     };
     let (first, second) = (errors(&first), errors(&second));
     assert!(first.len() == second.len() && first.len() >= 2 * 20);

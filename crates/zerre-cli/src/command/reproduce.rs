@@ -16,12 +16,12 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
+use zerre_lab::paper::PAPERS;
 use zerre_lab::paper::multiple_model::scenarios::SCENARIOS;
 use zerre_lab::paper::multiple_model::settings::{NOISES, SOURCE, Setting};
 use zerre_lab::paper::multiple_model::{
     self as paper, Asked, Cell, Outcome, PAPER, Provenance, Request, Results, Row, Saving,
 };
-use zerre_lab::paper::PAPERS;
 use zerre_lab::report::study::render;
 use zerre_lab::study;
 
@@ -44,16 +44,23 @@ pub(super) fn run(args: &Reproduce, options: &Global, console: &Console) -> Resu
 
 fn list(console: &Console) -> Result<Exit, Diagnostic> {
     if console.json() {
-        let papers = PAPERS.iter().map(
-            |p| json!({ "name": p.name, "about": p.about, "source": p.source, "tables": p.tables }),
-        );
+        let papers = PAPERS
+            .iter()
+            .map(|p| json!({ "name": p.name, "about": p.about, "source": p.source, "tables": p.tables }));
         console.document(&json!({ "papers": papers.collect::<Vec<_>>() }))?;
         return Ok(Exit::Done);
     }
     let mut text = String::new();
     for paper in PAPERS {
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{}  {}\n  {}\n  tables: {}", paper.name, paper.about, paper.source, paper.tables.join(" "));
+        let _ = writeln!(
+            text,
+            "{}  {}\n  {}\n  tables: {}",
+            paper.name,
+            paper.about,
+            paper.source,
+            paper.tables.join(" ")
+        );
     }
     console.result(&text)?;
     Ok(Exit::Done)
@@ -124,7 +131,8 @@ fn multiple_model(args: &Reproduce, options: &Global, console: &Console) -> Resu
         cells.keys().filter_map(|cell| Some((*cell, done.cells.get(&cell.key())?.clone()))).collect();
     let wanted = request.tables.contains(&Asked::Saving) && outcomes.len() == cells.len();
     let saving = if wanted { take_turns(&request, options.seed, console)? } else { None };
-    let complete = outcomes.len() == cells.len() && saving.is_some() == request.tables.contains(&Asked::Saving);
+    let complete =
+        outcomes.len() == cells.len() && saving.is_some() == request.tables.contains(&Asked::Saving);
 
     let results = Results::new(&request, &outcomes, saving.as_ref(), options.seed)
         .map_err(|error| Diagnostic::new(error.to_string()))?;
@@ -147,11 +155,16 @@ fn multiple_model(args: &Reproduce, options: &Global, console: &Console) -> Resu
         record.outcomes_of("measurement without likelihood", "the prediction stood", degenerate as u64);
     }
     if lost > 0 {
-        record.outcomes_of("filter refused a step", "its last estimate stood to the end of the run", lost as u64);
+        record.outcomes_of(
+            "filter refused a step",
+            "its last estimate stood to the end of the run",
+            lost as u64,
+        );
     }
     if !complete {
         record.state = State::Interrupted;
-        let what = format!("stopped after {} of {} cells; --resume goes on from there", outcomes.len(), cells.len());
+        let what =
+            format!("stopped after {} of {} cells; --resume goes on from there", outcomes.len(), cells.len());
         console.warn(what);
     }
     record.seconds = since.elapsed().as_secs_f64();
@@ -200,7 +213,9 @@ fn open(destination: &Destination, resume: bool, config_digest: &str) -> Result<
     })?;
     if done.config_digest != config_digest {
         let what = format!("the run in {} had another configuration or seed", folder.path().display());
-        return Err(Diagnostic::new(what).help("give the same options as then, or leave --resume out to begin anew"));
+        return Err(
+            Diagnostic::new(what).help("give the same options as then, or leave --resume out to begin anew")
+        );
     }
     Ok((folder, done))
 }

@@ -313,7 +313,8 @@ fn figure(out: &mut String, figure: &Figure) {
             (false, true) => ("reference", path(points)),
             (false, false) => ("mean", path(points)),
         };
-        let _ = write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\"/></g>");
+        let _ =
+            write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\"/></g>");
         let _ = write!(
             key,
             "<li style=\"{colour}\"><span class=\"swatch{dashed}\"></span>{}</li>",
@@ -353,7 +354,11 @@ mod tests {
                 title: "part".into(),
                 paragraphs: vec!["said".into()],
                 points: vec!["first".into()],
-                figures: vec![figure.clone(), Figure { logarithmic: false, map: true, ..figure }, Figure::default()],
+                figures: vec![
+                    figure.clone(),
+                    Figure { logarithmic: false, map: true, ..figure },
+                    Figure::default(),
+                ],
                 tables: vec![Grid {
                     caption: "numbers".into(),
                     head: vec!["x".into(), "y".into()],

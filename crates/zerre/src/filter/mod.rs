@@ -2,11 +2,8 @@
 
 mod extended;
 mod gaussian;
-<<<<<<< HEAD
 mod imm;
-=======
 mod imm_particle;
->>>>>>> h/me
 mod kalman;
 mod multiple_model;
 mod particle;
@@ -17,11 +14,8 @@ mod unscented;
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
-<<<<<<< HEAD
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
-=======
 pub use imm_particle::ImmParticle;
->>>>>>> h/me
 pub use kalman::{Kalman, Linear};
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,

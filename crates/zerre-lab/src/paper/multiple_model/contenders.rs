@@ -6,8 +6,8 @@ use cpu_time::ThreadTime;
 use serde::{Deserialize, Serialize};
 use zerre::belief::ModalGaussian;
 use zerre::filter::{
-    AfterResampling, Filter, ImmExtended, ImmParticle, ImmUnscented, ModalSettings, MultipleModel, Outcome, Output,
-    RaoBlackwell, Rule, ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
+    AfterResampling, Filter, ImmExtended, ImmParticle, ImmUnscented, ModalSettings, MultipleModel, Outcome,
+    Output, RaoBlackwell, Rule, ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
 };
 use zerre::model::jump::MAX_MODES;
 use zerre::resample::Resampling;
@@ -238,7 +238,12 @@ impl Glance {
 }
 
 /// Runs `filter` through `world`. A filter that refuses a step is lost: its last estimate stands to the end.
-fn drive<F>(filter: &F, world: &World, stream: Stream, see: impl Fn(&F::Belief) -> Result<Glance>) -> Result<Run>
+fn drive<F>(
+    filter: &F,
+    world: &World,
+    stream: Stream,
+    see: impl Fn(&F::Belief) -> Result<Glance>,
+) -> Result<Run>
 where
     F: Filter<Measurement = [f64; 2]>,
 {

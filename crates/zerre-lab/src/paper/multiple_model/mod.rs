@@ -30,8 +30,8 @@ pub const PAPER: Paper = Paper {
     about: "multiple-model particle filters, selection of one model (WSMS), IMM and Rao-Blackwellised filters",
     source: "M. B. Uçar, master's thesis, Başkent University, Ankara: tables 6.1 to 6.13",
     tables: &[
-        "6.1", "6.2", "6.3", "6.4", "6.5", "6.6", "6.7", "6.8", "6.9", "6.10", "6.11", "6.12", "6.13", "readings",
-        "beyond", "paired", "saving",
+        "6.1", "6.2", "6.3", "6.4", "6.5", "6.6", "6.7", "6.8", "6.9", "6.10", "6.11", "6.12", "6.13",
+        "readings", "beyond", "paired", "saving",
     ],
 };
 
@@ -164,8 +164,11 @@ const IMM: [(Algorithm, Setting); 5] = [
 impl Asked {
     fn columns(self, grid: &[usize], shown: [usize; 2]) -> Vec<(usize, Column)> {
         use Setting::{Matched, Reference};
-        let everywhere =
-            |columns: Vec<Column>| (0..SCENARIOS.len()).flat_map(|s| columns.iter().map(move |c| (s, *c)).collect::<Vec<_>>()).collect();
+        let everywhere = |columns: Vec<Column>| {
+            (0..SCENARIOS.len())
+                .flat_map(|s| columns.iter().map(move |c| (s, *c)).collect::<Vec<_>>())
+                .collect()
+        };
         match self {
             Asked::Grid(scenario, wsms) => {
                 let mut columns = Vec::new();
@@ -174,7 +177,10 @@ impl Asked {
                         columns.push((scenario, Column::new(algorithm, Reference, particles)));
                     }
                     for algorithm in [Algorithm::Alg2Wsms, Algorithm::Alg3Wsms] {
-                        columns.push((scenario, Column { wsms, ..Column::new(algorithm, Reference, particles) }));
+                        columns.push((
+                            scenario,
+                            Column { wsms, ..Column::new(algorithm, Reference, particles) },
+                        ));
                     }
                 }
                 columns
@@ -182,7 +188,10 @@ impl Asked {
             Asked::Imm => everywhere(IMM.iter().map(|(a, s)| Column::new(*a, *s, 0)).collect()),
             Asked::Readings => {
                 let readings = [Reading::Equal, Reading::Recomputed, Reading::RecomputedKept];
-                let of = |reading, particles| Column { reading, ..Column::new(Algorithm::Alg1, Reference, particles) };
+                let of = |reading, particles| Column {
+                    reading,
+                    ..Column::new(Algorithm::Alg1, Reference, particles)
+                };
                 everywhere(shown.iter().flat_map(|n| readings.map(|reading| of(reading, *n))).collect())
             }
             Asked::Beyond => {

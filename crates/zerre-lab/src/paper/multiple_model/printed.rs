@@ -163,7 +163,8 @@ mod tests {
         let thesis = Thesis::read().unwrap();
         assert_eq!(thesis.cells.len(), 720 + 12);
         assert_eq!(thesis.suspects().len(), SUSPECT.lines().count() - 1);
-        let marked = |p: &Printed| usize::from(p.rmse.doubt.is_some()) + usize::from(p.seconds.doubt.is_some());
+        let marked =
+            |p: &Printed| usize::from(p.rmse.doubt.is_some()) + usize::from(p.seconds.doubt.is_some());
         let marks: usize = thesis.cells.values().map(marked).sum();
         assert_eq!(marks, thesis.suspects().len() + 2 * 12);
         // Every cell of the grid has its printed pair.
@@ -196,7 +197,9 @@ mod tests {
         assert!(sound.rmse.usable && sound.rmse.doubt.is_none());
         // What differs between the two printings of algorithms 1 to 3 is suspect in one of them.
         for ((table, algorithm, noise, particles), first) in &thesis.cells {
-            let Some(scenario) = table.strip_prefix("6.").and_then(|s| s.parse::<u8>().ok()) else { continue };
+            let Some(scenario) = table.strip_prefix("6.").and_then(|s| s.parse::<u8>().ok()) else {
+                continue;
+            };
             let again = (format!("6.{}", scenario + 6), algorithm.clone(), noise.clone(), particles.clone());
             if !algorithm.starts_with("Algorithm") || algorithm.ends_with("WSMS") || scenario > 3 {
                 continue;

@@ -115,7 +115,9 @@ impl Results<'_> {
                 .to_owned(),
         ];
         if interrupted {
-            paragraphs.push("This run was stopped before its end: cells that are missing were not computed.".to_owned());
+            paragraphs.push(
+                "This run was stopped before its end: cells that are missing were not computed.".to_owned(),
+            );
         }
         let (degenerate, lost) = self.mishaps();
         paragraphs.push(format!(
@@ -135,15 +137,17 @@ impl Results<'_> {
         let mut figures = vec![self.map(at, scenario), self.error_over_time(at)];
         let seconds = |cell: &Cell| self.seconds(cell);
         let error = |cell: &Cell| self.error(cell);
-        for (title, unit, statistic) in [
-            ("Error", "km", &error as &dyn Fn(&Cell) -> Option<Estimate>),
-            ("Time of a run", "s", &seconds),
-        ] {
+        for (title, unit, statistic) in
+            [("Error", "km", &error as &dyn Fn(&Cell) -> Option<Estimate>), ("Time of a run", "s", &seconds)]
+        {
             figures.push(self.over_particles(at, title, unit, statistic));
             figures.push(self.over_noise(at, title, unit, statistic));
         }
-        for (algorithm, setting) in [(Algorithm::Alg2, Setting::Reference), (Algorithm::ImmUkf, Setting::Default)] {
-            figures.extend(self.modes(&self.shown(at, (algorithm, Wsms::None, setting), SHOWN_NOISE), scenario));
+        for (algorithm, setting) in
+            [(Algorithm::Alg2, Setting::Reference), (Algorithm::ImmUkf, Setting::Default)]
+        {
+            figures
+                .extend(self.modes(&self.shown(at, (algorithm, Wsms::None, setting), SHOWN_NOISE), scenario));
         }
         figures.retain(|figure| !figure.series.is_empty());
         let mut tables = Vec::new();
@@ -154,7 +158,12 @@ impl Results<'_> {
     }
 
     /// The cell of a filter that figures show.
-    fn shown(&self, scenario: usize, (algorithm, wsms, setting): (Algorithm, Wsms, Setting), noise: usize) -> Cell {
+    fn shown(
+        &self,
+        scenario: usize,
+        (algorithm, wsms, setting): (Algorithm, Wsms, Setting),
+        noise: usize,
+    ) -> Cell {
         let none = matches!(algorithm, Algorithm::ImmUkf | Algorithm::ImmEkf | Algorithm::KnownModeUkf);
         let particles = if none { 0 } else { self.request.main_particles() };
         Cell { scenario, algorithm, wsms, setting, reading: Reading::Equal, particles, noise }
@@ -174,12 +183,7 @@ impl Results<'_> {
             .map(|(name, outcome)| Series { name, points: outcome.track.clone(), ..Series::default() })
             .collect();
         series.push(Series { name: "target".into(), points: truth, reference: true, ..Series::default() });
-        series.push(Series {
-            name: "observer".into(),
-            points: observer,
-            dots: true,
-            reference: true,
-        });
+        series.push(Series { name: "observer".into(), points: observer, dots: true, reference: true });
         Figure {
             title: format!("Target and tracks of the first run, noise {}", NOISES[SHOWN_NOISE]),
             x: "x (km)".into(),
@@ -192,7 +196,8 @@ impl Results<'_> {
 
     fn error_over_time(&self, at: usize) -> Figure {
         let series = self.shown_outcomes(at).map(|(name, outcome)| {
-            let points = (1..).zip(&outcome.step_mse).map(|(step, mse)| [f64::from(step), mse.sqrt()]).collect();
+            let points =
+                (1..).zip(&outcome.step_mse).map(|(step, mse)| [f64::from(step), mse.sqrt()]).collect();
             Series { name, points, ..Series::default() }
         });
         Figure {
@@ -237,7 +242,8 @@ impl Results<'_> {
         statistic: &dyn Fn(&Cell) -> Option<Estimate>,
     ) -> Figure {
         let line = |filter: &(Algorithm, Wsms, Setting)| {
-            let point = |noise: usize| Some([NOISES[noise], statistic(&self.shown(at, *filter, noise))?.value]);
+            let point =
+                |noise: usize| Some([NOISES[noise], statistic(&self.shown(at, *filter, noise))?.value]);
             let points: Vec<_> = (0..NOISES.len()).filter_map(point).collect();
             (!points.is_empty()).then(|| Series { name: name(filter), points, ..Series::default() })
         };
@@ -255,9 +261,9 @@ impl Results<'_> {
     fn modes(&self, cell: &Cell, scenario: &Scenario) -> Option<Figure> {
         let outcome = self.outcomes.get(cell).filter(|outcome| !outcome.modes.is_empty())?;
         let line = |(mode, flying): (usize, &Flying)| {
-            let points = (1..).zip(&outcome.modes).map(|(step, law)| {
-                [f64::from(step), law.get(mode).copied().unwrap_or(f64::NAN)]
-            });
+            let points = (1..)
+                .zip(&outcome.modes)
+                .map(|(step, law)| [f64::from(step), law.get(mode).copied().unwrap_or(f64::NAN)]);
             Series { name: flying.name().to_owned(), points: points.collect(), ..Series::default() }
         };
         let filter = (cell.algorithm, cell.wsms, cell.setting);
@@ -312,7 +318,9 @@ impl Results<'_> {
         let table = self.percentages(at, wsms);
         let mut head = ["A → B", "noise"].map(str::to_owned).to_vec();
         head.extend(self.request.particles.iter().map(|n| format!("N = {n}: error %, time %")));
-        let number = |entry: &Entry| if let Entry::Number(value) = entry { format!("{value:.1}") } else { "–".into() };
+        let number = |entry: &Entry| {
+            if let Entry::Number(value) = entry { format!("{value:.1}") } else { "–".into() }
+        };
         let text = |entry: &Entry| if let Entry::Text(text) = entry { text.clone() } else { String::new() };
         let rows = table.rows.iter().map(|row| {
             let pair = format!("{} → {}", text(&row[0]), text(&row[1]));

@@ -171,8 +171,21 @@ impl<'a> Results<'a> {
 
     fn all_rows(&self) -> Table {
         let head = [
-            "scenario", "algorithm", "wsms", "particles", "noise", "setting", "metric", "statistic", "value", "low",
-            "high", "paper_value", "reading", "suspect", "runs",
+            "scenario",
+            "algorithm",
+            "wsms",
+            "particles",
+            "noise",
+            "setting",
+            "metric",
+            "statistic",
+            "value",
+            "low",
+            "high",
+            "paper_value",
+            "reading",
+            "suspect",
+            "runs",
         ];
         let row = |row: Row| -> Vec<Entry> {
             vec![
@@ -202,7 +215,9 @@ impl<'a> Results<'a> {
             ["scenario", "algorithm", "wsms", "particles", "noise", "setting", "reading", "step", "rmse_km"];
         let mut rows = Vec::new();
         for (cell, outcome) in self.outcomes {
-            if ![0, self.request.main_particles()].contains(&cell.particles) && cell.algorithm != Algorithm::RbMmpf {
+            if ![0, self.request.main_particles()].contains(&cell.particles)
+                && cell.algorithm != Algorithm::RbMmpf
+            {
                 continue;
             }
             for (step, mse) in (1_usize..).zip(&outcome.step_mse) {
@@ -221,7 +236,13 @@ impl<'a> Results<'a> {
     fn grid_table(&self, scenario: usize, wsms: Wsms) -> Table {
         let number = scenario + if wsms == Wsms::Dynamic { 7 } else { 1 };
         let columns = [
-            "rmse_km", "rmse_km_low", "rmse_km_high", "paper_rmse_km", "seconds", "paper_seconds", "one_model_share",
+            "rmse_km",
+            "rmse_km_low",
+            "rmse_km_high",
+            "paper_rmse_km",
+            "seconds",
+            "paper_seconds",
+            "one_model_share",
             "model_evaluations",
         ];
         let mut head = vec!["algorithm".to_owned(), "noise".to_owned()];
@@ -264,7 +285,11 @@ impl<'a> Results<'a> {
     pub(super) fn percentages(&self, scenario: usize, wsms: Wsms) -> Table {
         let number = scenario + if wsms == Wsms::Dynamic { 10 } else { 4 };
         let columns = [
-            "rmse_percent", "rmse_percent_low", "rmse_percent_high", "paper_rmse_percent", "seconds_percent",
+            "rmse_percent",
+            "rmse_percent_low",
+            "rmse_percent_high",
+            "paper_rmse_percent",
+            "seconds_percent",
             "paper_seconds_percent",
         ];
         let mut head = ["a", "b", "noise"].map(str::to_owned).to_vec();
@@ -345,9 +370,17 @@ impl<'a> Results<'a> {
             Asked::Beyond => ("table-beyond", "Filters that the thesis does not have"),
             _ => ("table-6.13", "IMM filters"),
         };
-        let columns =
-            ["rmse_km", "rmse_km_low", "rmse_km_high", "paper_rmse_km", "seconds", "paper_seconds", "model_evaluations"];
-        let mut head = ["scenario", "algorithm", "setting", "reading", "particles"].map(str::to_owned).to_vec();
+        let columns = [
+            "rmse_km",
+            "rmse_km_low",
+            "rmse_km_high",
+            "paper_rmse_km",
+            "seconds",
+            "paper_seconds",
+            "model_evaluations",
+        ];
+        let mut head =
+            ["scenario", "algorithm", "setting", "reading", "particles"].map(str::to_owned).to_vec();
         for noise in NOISES {
             head.extend(columns.iter().map(|name| format!("{name}_{noise}")));
         }
@@ -359,8 +392,10 @@ impl<'a> Results<'a> {
             for noise in 0..NOISES.len() {
                 let cell = Cell { noise, ..*cell };
                 let (error, printed) = (self.error(&cell), self.thesis.printed(&cell));
-                let evaluations =
-                    self.outcomes.get(&cell).map(|o| o.evaluations.iter().sum::<f64>() / o.evaluations.len() as f64);
+                let evaluations = self
+                    .outcomes
+                    .get(&cell)
+                    .map(|o| o.evaluations.iter().sum::<f64>() / o.evaluations.len() as f64);
                 row.extend([
                     Entry::from(error.map(|e| e.value)),
                     error.map(|e| e.low).into(),
@@ -390,7 +425,8 @@ impl<'a> Results<'a> {
                     let ours = self.outcomes.get(&cell(Algorithm::RbMmpf, Setting::Matched, RB_MANY));
                     let theirs = self.outcomes.get(&cell(Algorithm::ImmUkf, setting, 0));
                     let (Some(ours), Some(theirs)) = (ours, theirs) else { continue };
-                    let differences: Vec<f64> = ours.mse.iter().zip(&theirs.mse).map(|(a, b)| a - b).collect();
+                    let differences: Vec<f64> =
+                        ours.mse.iter().zip(&theirs.mse).map(|(a, b)| a - b).collect();
                     tests.push((scenario, noise, ours, theirs, differences));
                 }
             }
@@ -421,8 +457,17 @@ impl<'a> Results<'a> {
              over the twelve cells of each setting; worse at 1 %?"
         );
         let head = [
-            "scenario", "noise", "imm_setting", "runs", "rb_rmse_km", "imm_rmse_km", "difference_km2",
-            "standard_error_km2", "p", "p_holm", "rb_worse",
+            "scenario",
+            "noise",
+            "imm_setting",
+            "runs",
+            "rb_rmse_km",
+            "imm_rmse_km",
+            "difference_km2",
+            "standard_error_km2",
+            "p",
+            "p_holm",
+            "rb_worse",
         ];
         table("table-paired", &about, &head, rows)
     }
@@ -435,7 +480,8 @@ impl<'a> Results<'a> {
             for noise in (0..NOISES.len()).map(Some).chain([None]) {
                 let column = |at: usize| -> Vec<(f64, f64)> {
                     let of = |noise: usize| saving.runs[noise][at].iter().copied();
-                    noise.map_or_else(|| (0..NOISES.len()).flat_map(of).collect(), |noise| of(noise).collect())
+                    noise
+                        .map_or_else(|| (0..NOISES.len()).flat_map(of).collect(), |noise| of(noise).collect())
                 };
                 let (mse, seconds): (Vec<f64>, Vec<f64>) = column(at).into_iter().unzip();
                 let (first_mse, first_seconds): (Vec<f64>, Vec<f64>) = column(0).into_iter().unzip();
@@ -472,8 +518,18 @@ impl<'a> Results<'a> {
                      thread: median processor time of a run, how many times faster than algorithm 1 it is, and its \
                      pooled error as a multiple of algorithm 1's; over all noises the means of the four ratios";
         let head = [
-            "algorithm", "wsms", "particles", "noise", "runs", "seconds", "times_faster", "times_faster_low",
-            "times_faster_high", "rmse_ratio", "rmse_ratio_low", "rmse_ratio_high",
+            "algorithm",
+            "wsms",
+            "particles",
+            "noise",
+            "runs",
+            "seconds",
+            "times_faster",
+            "times_faster_low",
+            "times_faster_high",
+            "rmse_ratio",
+            "rmse_ratio_low",
+            "rmse_ratio_high",
         ];
         Some(table("table-saving", about, &head, rows))
     }
@@ -487,7 +543,13 @@ impl<'a> Results<'a> {
 }
 
 /// The cell of tables 6.1 to 6.3 or 6.7 to 6.9.
-pub(super) fn grid_cell(scenario: usize, algorithm: Algorithm, wsms: Wsms, particles: usize, noise: usize) -> Cell {
+pub(super) fn grid_cell(
+    scenario: usize,
+    algorithm: Algorithm,
+    wsms: Wsms,
+    particles: usize,
+    noise: usize,
+) -> Cell {
     let selects = matches!(algorithm, Algorithm::Alg2Wsms | Algorithm::Alg3Wsms);
     let wsms = if selects { wsms } else { Wsms::None };
     let (setting, reading) = (Setting::Reference, Reading::Equal);
