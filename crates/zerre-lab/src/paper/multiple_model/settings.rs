@@ -78,12 +78,13 @@ impl Setting {
     }
 }
 
-/// Disturbance and staying probability of [`Setting::Default`], chosen before any reported run, on seeds of their own
-/// ([`CHOICE_SEEDS`]).
+/// Disturbance and staying probability of [`Setting::Default`]. On the seed of the choice, with 20 runs of each cell, a
+/// disturbance of 1.5 m/s^2 errs at most a few per cent more than the tuned 1, and far less than the reference; it leaves
+/// more room for a target that does not fly its manoeuvres exactly, as those of the scenarios do.
 const DEFAULT: (f64, f64) = (1.5, 0.97);
 
-/// Seeds on which [`Setting::Default`] was chosen; reports use others.
-pub const CHOICE_SEEDS: [u64; 2] = [1001, 1002];
+/// Seed on which [`Setting::Default`] was chosen; reports use others.
+pub const CHOICE_SEED: u64 = 1001;
 
 impl Assumed {
     fn motion(&self, flying: Flying) -> Result<Manoeuvre> {
