@@ -140,10 +140,10 @@ pub fn render(report: &StudyReport) -> String {
     for part in &report.sections {
         section(&mut out, part);
     }
-    let _ = write!(
+    let _ = writeln!(
         out,
         "<footer>Digest of the estimates <code>{}</code><br>The same configuration and seed give the same digest on \
-         every machine; times differ. zerre {}</footer></main></body></html>\n",
+         every machine; times differ. zerre {}</footer></main></body></html>",
         Escaped(&report.digest),
         env!("CARGO_PKG_VERSION")
     );
