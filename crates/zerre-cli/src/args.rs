@@ -120,6 +120,8 @@ pub enum Command {
     Simulate(Simulate),
     /// Score estimates against truth
     Compare(Compare),
+    /// Do the experiments of a paper again; without a paper, list them
+    Reproduce(Reproduce),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {
@@ -245,6 +247,38 @@ pub struct Compare {
     pub max_gap_s: f64,
 }
 
+const REPRODUCE: &str = "\
+Examples:
+  zerre reproduce                                   the papers
+  zerre reproduce multiple-model --quick            a short version
+  zerre reproduce multiple-model --table 6.1 --table 6.13
+  zerre reproduce multiple-model --resume           go on where an interrupted run stopped
+
+Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval, rmse-per-step.csv,
+report.html, run.json, and progress.json, which holds what is done and what --resume goes on from.";
+
+/// Do the experiments of a paper again; without a paper, list them
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = REPRODUCE)]
+pub struct Reproduce {
+    /// A name of `zerre catalog papers`
+    pub paper: Option<String>,
+    /// Only these tables, and what they need [default: all]
+    #[arg(long, value_name = "T", requires = "paper")]
+    pub table: Vec<String>,
+    /// Runs of each cell [default: the paper's; 20 with --quick]
+    #[arg(long, value_name = "N", requires = "paper")]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
+    pub runs: Option<NonZeroU32>,
+    /// Numbers of particles instead of the paper's, separated by commas
+    #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
+    pub particles: Vec<NonZeroU32>,
+    /// Every scenario, noise and method, but the smallest and the main number of particles only, and fewer runs
+    #[arg(long, requires = "paper")]
+    pub quick: bool,
+}
+
 const BENCH: &str = "\
 Examples:
   zerre bench
@@ -298,6 +332,8 @@ mod tests {
             "simulate s --runs 5",
             "compare a b --metric rmse gospa --metric nees",
             "compare a b --cutoff-m 20 --max-gap-s 5",
+            "reproduce",
+            "reproduce multiple-model --table 6.1 --table 6.13 --runs 5 --particles 50,60 --quick --resume",
             "bench --json --threads 2 --simd avx512",
             "catalog filters --json --quiet",
             "schema scenario",
@@ -312,6 +348,8 @@ mod tests {
             "simulate s --runs 0",
             "bench --threads 0",
             "track a --format gpx",
+            "reproduce --quick",
+            "reproduce multiple-model --runs 0",
             "study f",
         ] {
             let words = std::iter::once("zerre").chain(line.split(' '));

@@ -4,6 +4,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use zerre_io::{COLUMNS, Column, Format};
 use zerre_lab::metric::{METRICS, MetricInfo};
+use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::scenario::{Named, SCENARIOS};
 
 /// One thing that can be named on the command line or in a configuration.
@@ -51,11 +52,13 @@ pub fn all() -> Vec<Entry> {
     });
     let metric = |m: &MetricInfo| Entry { kind: "metrics", name: m.name, about: m.about, source: m.source };
     let scenario = |s: &Named| Entry { kind: "scenarios", name: s.name, about: s.about, source: s.source };
+    let paper = |p: &Paper| Entry { kind: "papers", name: p.name, about: p.about, source: p.source };
     let format = |&(_, name, about): &(Format, _, _)| Entry { kind: "formats", name, about, source: "" };
     let column = |c: &Column| Entry { kind: "columns", name: c.name, about: c.about, source: "" };
     of_library
         .chain(METRICS.iter().map(metric))
         .chain(SCENARIOS.iter().map(scenario))
+        .chain(PAPERS.iter().map(paper))
         .chain(Format::ALL.iter().map(format))
         .chain(COLUMNS.iter().map(column))
         .collect()

@@ -1,6 +1,7 @@
 //! The few distribution functions that scores and verdicts need.
 
 use statrs::distribution::{ContinuousCDF, Normal};
+use statrs::function::beta::beta_reg;
 use statrs::function::gamma::gamma_lr;
 
 /// P(X <= x) of a chi-square variable with `degrees` degrees of freedom (above zero).
@@ -36,6 +37,12 @@ pub(crate) fn chi_square_quantile(probability: f64, degrees: f64) -> f64 {
 /// P(X <= x) of a standard normal variable.
 pub(crate) fn normal_cdf(x: f64) -> f64 {
     Normal::standard().cdf(x)
+}
+
+/// P(T > t) of Student's t with `degrees` degrees of freedom (above zero), by the incomplete beta function.
+pub(crate) fn student_tail(t: f64, degrees: f64) -> f64 {
+    let tail = 0.5 * beta_reg(0.5 * degrees, 0.5, degrees / (degrees + t * t));
+    if t < 0.0 { 1.0 - tail } else { tail }
 }
 
 /// The x with P(X <= x) = `probability` (inside (0, 1)) of a standard normal variable.

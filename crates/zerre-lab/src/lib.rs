@@ -10,9 +10,11 @@ mod distribution;
 pub mod error;
 pub mod metric;
 mod number;
+pub mod paper;
 pub mod report;
 pub mod scenario;
 pub mod score;
+pub mod study;
 
 pub use error::{Error, Result};
 pub use number::{number, signed};

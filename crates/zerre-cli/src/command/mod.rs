@@ -4,6 +4,7 @@ mod bench;
 mod catalog;
 mod compare;
 mod init;
+mod reproduce;
 mod schema;
 mod simulate;
 mod track;
@@ -18,7 +19,7 @@ use crate::diagnostic::{Diagnostic, suggest};
 /// # Errors
 /// What went wrong, with the exit code in it.
 pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
-    if args.global.resume {
+    if args.global.resume && !matches!(args.command, Command::Reproduce(_)) {
         return Err(Diagnostic::usage("nothing here resumes: this command starts anew each time")
             .help("leave --resume out"));
     }
@@ -29,6 +30,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Track(of) => track::run(of, &args.global, console),
         Command::Simulate(of) => simulate::run(of, &args.global, console),
         Command::Compare(of) => compare::run(of, &args.global, console),
+        Command::Reproduce(of) => reproduce::run(of, &args.global, console),
         Command::Bench { quick } => bench::run(&args.global, *quick, console),
     }
 }

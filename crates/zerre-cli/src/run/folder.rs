@@ -110,7 +110,7 @@ impl Folder {
         let lock = lock(path)?;
         let mut entries =
             fs::read_dir(path).map_err(|error| Diagnostic::io("read the folder", path, &error))?;
-        let earlier = earlier_files(path);
+        let earlier = ownership(path).map(|ownership| ownership.files);
         if entries.next().is_some() && !place.force {
             if place.explicit {
                 return Err(Diagnostic::new(format!("the folder {} is not empty", path.display()))
@@ -133,6 +133,26 @@ impl Folder {
             begun: false,
             _lock: lock,
         })
+    }
+
+    /// Opens the folder of an earlier run of the same command to go on in it: its files are this run's own, and stay
+    /// until they are written anew.
+    ///
+    /// # Errors
+    /// As [`Folder::open`]; a folder without a `run.json` of ours, or with that of another command.
+    pub fn reopen(place: &Destination, command: &str) -> Result<Folder, Diagnostic> {
+        let nothing = |what: &str| {
+            let what = format!("there is nothing to go on from in {}: {what}", place.path.display());
+            Diagnostic::new(what).help("leave --resume out to begin anew")
+        };
+        let ownership = ownership(&place.path).ok_or_else(|| nothing("it has no run.json of zerre"))?;
+        if ownership.command != command {
+            return Err(nothing(&format!("it is of `zerre {}`", ownership.command)));
+        }
+        let mut folder = Folder::open(&Destination { force: true, ..place.clone() }, command)?;
+        folder.force = place.force;
+        folder.files = folder.earlier.drain(..).collect();
+        Ok(folder)
     }
 
     /// Where it is.
@@ -225,14 +245,12 @@ impl Folder {
 
 const PROGRAM: &str = "zerre";
 
-/// The files that the `run.json` in `folder` lists, if it is one of ours. Names that lead elsewhere are not ours,
-/// whoever wrote them there.
-fn earlier_files(folder: &Path) -> Option<Vec<String>> {
+/// The `run.json` in `folder`, if it is one of ours. Names that lead elsewhere are not ours, whoever wrote them there.
+fn ownership(folder: &Path) -> Option<Ownership> {
     let text = fs::read(folder.join(RECORD)).ok()?;
-    let ownership: Ownership = serde_json::from_slice(&text).ok()?;
-    let mut files = ownership.files;
-    files.retain(|name| plain(name) && name != RECORD);
-    (ownership.program == PROGRAM).then_some(files)
+    let mut ownership: Ownership = serde_json::from_slice(&text).ok()?;
+    ownership.files.retain(|name| plain(name) && name != RECORD);
+    (ownership.program == PROGRAM).then_some(ownership)
 }
 
 /// Whether `name` is the name of a file in the folder and nothing else.
@@ -447,6 +465,26 @@ mod tests {
         // The run ended without its record; the next one still knows what it may replace.
         run(&place(&path, false, false), &["c.csv"]).unwrap();
         assert_eq!(listing(&path), ["c.csv", "run.json"]);
+        fs::remove_dir_all(&path).unwrap();
+    }
+
+    #[test]
+    fn a_run_goes_on_in_the_folder_of_its_own_command_only() {
+        let path = fresh("reopen");
+        assert!(Folder::reopen(&place(&path, true, false), "track").is_err());
+        fs::create_dir_all(&path).unwrap();
+        fs::write(path.join("mine.txt"), "mine").unwrap();
+        assert!(Folder::reopen(&place(&path, true, true), "track").is_err());
+        fs::remove_file(path.join("mine.txt")).unwrap();
+        run(&place(&path, true, false), &["a.csv", "b.csv"]).unwrap();
+        let text = Folder::reopen(&place(&path, true, false), "study").unwrap_err().to_string();
+        assert!(text.contains("zerre track"), "{text}");
+        let mut folder = Folder::reopen(&place(&path, true, false), "track").unwrap();
+        folder.write("b.csv", |file| writeln!(file, "anew")).unwrap();
+        assert!(folder.write("c.csv", |file| writeln!(file, "new")).is_ok());
+        folder.finish(&Record::new("track", 1, serde_json::json!({}))).unwrap();
+        assert_eq!(listing(&path), ["a.csv", "b.csv", "c.csv", "run.json"]);
+        assert_eq!(fs::read_to_string(path.join("b.csv")).unwrap(), "anew\n");
         fs::remove_dir_all(&path).unwrap();
     }
 

@@ -8,4 +8,6 @@ mod record;
 pub use folder::{Destination, Folder};
 pub use interrupt::{interrupted, listen};
 pub use progress::Progress;
-pub use record::{Counts, EstimatesDigest, Hashing, Input, OutcomeCount, Record, State, config_digest};
+pub use record::{
+    Counts, EstimatesDigest, Hashing, Input, OutcomeCount, Record, State, config_digest, text_digest,
+};

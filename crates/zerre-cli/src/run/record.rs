@@ -128,6 +128,11 @@ pub fn config_digest(command: &str, seed: u64, config: &Value) -> String {
     hexadecimal(Sha256::digest(text.as_bytes()).as_slice())
 }
 
+/// SHA-256 of a text, in hexadecimal.
+pub fn text_digest(text: &str) -> String {
+    hexadecimal(Sha256::digest(text.as_bytes()).as_slice())
+}
+
 fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

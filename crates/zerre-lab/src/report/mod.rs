@@ -9,6 +9,7 @@
 mod chart;
 mod page;
 mod plan;
+pub mod study;
 mod svg;
 
 use crate::consistency::Assessment;
@@ -254,7 +255,7 @@ mod tests {
     }
 
     /// Every tag is closed in order: what a strict reader of XML asks of the structure.
-    fn is_balanced(markup: &str) -> bool {
+    pub(super) fn is_balanced(markup: &str) -> bool {
         let mut open = Vec::new();
         for piece in markup.split('<').skip(1) {
             let Some((tag, _)) = piece.split_once('>') else { return false };

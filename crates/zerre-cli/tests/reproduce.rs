@@ -1,0 +1,192 @@
+//! `zerre reproduce` from outside.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn command(folder: &Path, line: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_zerre"));
+    command.args(line.split_whitespace()).current_dir(folder);
+    command
+}
+
+fn zerre(folder: &Path, line: &str) -> Output {
+    command(folder, line).output().unwrap()
+}
+
+/// Runs zerre, which must succeed, and reads its document.
+fn json(folder: &Path, line: &str) -> Value {
+    let output = zerre(folder, &format!("{line} --json"));
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// An empty folder of the test's own.
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("reproduce").join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// The rows without times, which differ from run to run.
+fn estimates(document: &Value) -> Vec<&Value> {
+    document["rows"].as_array().unwrap().iter().filter(|row| row["metric"] != "seconds").collect()
+}
+
+#[test]
+fn papers_are_listed_and_unknown_ones_refused() {
+    let here = folder("list");
+    let list = json(&here, "reproduce");
+    assert_eq!(list["papers"][0]["name"], "multiple-model");
+    for (line, word) in [
+        ("reproduce multiple-modle", "multiple-model"),
+        ("reproduce multiple-model --table 7.1", "7.1"),
+        ("reproduce multiple-model --table 6.14", "6.14"),
+    ] {
+        let output = zerre(&here, line);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{line}: {text}");
+        assert!(text.contains(word), "{text}");
+    }
+    assert_eq!(zerre(&here, "reproduce multiple-model --resume").status.code(), Some(1));
+}
+
+/// All filters in all scenarios, with a few particles: the layout of everything that is written.
+#[test]
+fn everything_is_written_and_threads_change_nothing_but_times() {
+    let here = folder("whole");
+    let line = "reproduce multiple-model --quick --runs 2 --particles 30,40";
+    let first = json(&here, &format!("{line} --threads 1 --out one"));
+    let second = json(&here, &format!("{line} --threads 2 --out two"));
+    assert_eq!(first["estimates_digest"], second["estimates_digest"]);
+    assert_eq!(estimates(&first), estimates(&second));
+    assert_eq!(
+        (&first["paper"], &first["seed"], &first["runs"]),
+        (&"multiple-model".into(), &1.into(), &2.into())
+    );
+    let rows = first["rows"].as_array().unwrap();
+    for key in [
+        "scenario",
+        "algorithm",
+        "wsms",
+        "particles",
+        "noise",
+        "setting",
+        "metric",
+        "statistic",
+        "value",
+        "low",
+        "high",
+        "paper_value",
+    ] {
+        assert!(rows.iter().all(|row| row.get(key).is_some()), "{key}");
+    }
+    for algorithm in [
+        "alg1",
+        "alg2",
+        "alg3",
+        "alg2+wsms",
+        "alg3+wsms",
+        "imm-ukf",
+        "imm-ekf",
+        "imm-pf",
+        "rb-mmpf",
+        "known-mode-ukf",
+    ] {
+        for scenario in 1..=3 {
+            for noise in [0.01, 0.1, 0.15, 0.2] {
+                let here = |row: &&Value| {
+                    row["algorithm"] == algorithm && row["scenario"] == scenario && row["noise"] == noise
+                };
+                assert!(rows.iter().any(|row| here(&row)), "{algorithm} {scenario} {noise}");
+            }
+        }
+    }
+    for row in rows {
+        let number = |key: &str| row[key].as_f64().unwrap();
+        assert!(number("low") <= number("high") && number("value") >= 0.0, "{row}");
+        // Steps times models times particles, at most; a share of one is impossible while the window fills.
+        if row["metric"] == "one_model_share" {
+            assert!(number("value") < 1.0);
+            let selects = row["wsms"] != "none";
+            assert!(selects || number("value") == 0.0, "{row}");
+        }
+        if row["metric"] == "model_evaluations" && row["algorithm"] == "alg1" {
+            let models = if row["scenario"] == 1 { 3.0 } else { 4.0 };
+            assert_eq!(number("value"), 100.0 * models * number("particles"));
+        }
+    }
+    let out = here.join("one");
+    for number in 1..=13 {
+        let text = fs::read_to_string(out.join(format!("table-6.{number}.csv"))).unwrap();
+        // Five groups, six pairs, or five IMM filters in three scenarios.
+        let expected = match number {
+            13 => 15,
+            4..=6 | 10..=12 => 24,
+            _ => 20,
+        };
+        assert_eq!(text.lines().count(), 1 + expected, "{number}");
+    }
+    for name in ["table-readings", "table-beyond", "table-paired", "table-saving", "rows", "rmse-per-step"] {
+        assert!(fs::read_to_string(out.join(format!("{name}.csv"))).unwrap().lines().count() > 4, "{name}");
+    }
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    for text in ["STANDARD DEVIATIONS", "Suspect in print", "Probabilities of the modes", "Scenario 3"] {
+        assert!(page.contains(text), "{text}");
+    }
+    let record: Value = serde_json::from_str(&fs::read_to_string(out.join("run.json")).unwrap()).unwrap();
+    assert_eq!((&record["command"], &record["state"]), (&"reproduce".into(), &"complete".into()));
+    assert_eq!(record["estimates_digest"], first["estimates_digest"]);
+}
+
+#[test]
+fn another_seed_moves_every_cell() {
+    let here = folder("seeds");
+    let line = "reproduce multiple-model --table 6.1 --table 6.13 --runs 2 --particles 30";
+    let [first, second] = [1, 2].map(|seed| json(&here, &format!("{line} --seed {seed} --out s{seed}")));
+    let errors = |document: &Value| -> Vec<f64> {
+        let rows = document["rows"].as_array().unwrap();
+        rows.iter()
+            .filter(|row| row["metric"] == "rmse_km")
+            .map(|row| row["value"].as_f64().unwrap())
+            .collect()
+    };
+    let (first, second) = (errors(&first), errors(&second));
+    assert!(first.len() == second.len() && first.len() >= 2 * 20);
+    assert!(first.iter().zip(&second).all(|(a, b)| a != b));
+}
+
+/// A run that is stopped keeps what it has; going on gives what an undisturbed run gives.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_goes_on_to_the_same_rows() {
+    use std::process::Stdio;
+    use std::time::{Duration, Instant};
+    let here = folder("resume");
+    let line = "reproduce multiple-model --table 6.2 --runs 20 --particles 30,1500 --threads 1";
+    let whole = json(&here, &format!("{line} --out whole"));
+    let mut child = command(&here, &format!("{line} --out part")).stderr(Stdio::null()).spawn().unwrap();
+    let since = Instant::now();
+    while !here.join("part/progress.json").exists() {
+        assert!(since.elapsed() < Duration::from_secs(120), "no progress");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(child.wait().unwrap().success());
+    let state = |out: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(here.join(out).join("run.json")).unwrap()).unwrap()
+    };
+    assert_eq!(state("part")["state"], "interrupted", "the run was too short to be interrupted");
+    let other = zerre(&here, &format!("{line} --seed 2 --out part --resume"));
+    assert_eq!(other.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("another configuration"));
+    let resumed = json(&here, &format!("{line} --out part --resume"));
+    assert_eq!(state("part")["state"], "complete");
+    assert_eq!(resumed["estimates_digest"], whole["estimates_digest"]);
+    assert_eq!(estimates(&resumed), estimates(&whole));
+    // What is done is not done again: times are those that were measured then.
+    let again = json(&here, &format!("{line} --out part --resume"));
+    assert_eq!(again["rows"], resumed["rows"]);
+}

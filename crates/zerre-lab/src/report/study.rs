@@ -1,0 +1,410 @@
+//! A study on one page: what was asked, tables with intervals, line charts. It needs no network and no script.
+
+use super::svg::{At, Escaped, Range, Ticks, dots, path, readable};
+use std::fmt::Write as _;
+
+/// The page.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StudyReport {
+    /// Head of the page.
+    pub title: String,
+    /// The command line that made it.
+    pub command: String,
+    /// Names and values at the top.
+    pub facts: Vec<(String, String)>,
+    /// Parts, in order.
+    pub sections: Vec<Section>,
+    /// Digest of the estimates.
+    pub digest: String,
+}
+
+/// A part of the page.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Section {
+    /// Its head.
+    pub title: String,
+    /// What is to be said before the figures and tables.
+    pub paragraphs: Vec<String>,
+    /// Points of a list.
+    pub points: Vec<String>,
+    /// Figures.
+    pub figures: Vec<Figure>,
+    /// Tables.
+    pub tables: Vec<Grid>,
+}
+
+/// A table for readers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Grid {
+    /// What it shows.
+    pub caption: String,
+    /// Names of the columns.
+    pub head: Vec<String>,
+    /// Rows, as long as the head.
+    pub rows: Vec<Vec<Shown>>,
+}
+
+/// One entry of a [`Grid`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shown {
+    /// The text.
+    pub text: String,
+    /// Smaller text behind it: an interval, a printed value.
+    pub aside: String,
+    /// Why it is to be doubted; it is then marked, and the reason stands below the table.
+    pub doubt: Option<String>,
+}
+
+impl From<&str> for Shown {
+    fn from(text: &str) -> Shown {
+        Shown { text: text.to_owned(), ..Shown::default() }
+    }
+}
+
+impl From<f64> for Shown {
+    fn from(value: f64) -> Shown {
+        Shown { text: readable(value), ..Shown::default() }
+    }
+}
+
+impl From<Option<f64>> for Shown {
+    fn from(value: Option<f64>) -> Shown {
+        value.map_or(Shown::from("–"), Shown::from)
+    }
+}
+
+/// Lines over two axes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figure {
+    /// What it shows.
+    pub title: String,
+    /// Name and unit of the horizontal axis.
+    pub x: String,
+    /// Name and unit of the vertical axis.
+    pub y: String,
+    /// The vertical axis is logarithmic; what is not positive is left out.
+    pub logarithmic: bool,
+    /// A length along x is one along y: a map.
+    pub map: bool,
+    /// What is drawn, from back to front.
+    pub series: Vec<Series>,
+}
+
+/// One line of a [`Figure`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// Its name in the legend.
+    pub name: String,
+    /// Its points; those that are not finite interrupt it.
+    pub points: Vec<[f64; 2]>,
+    /// Drawn as dots.
+    pub dots: bool,
+    /// Drawn thin and dotted, in the colour of the text: what the others are compared with.
+    pub reference: bool,
+}
+
+const WIDTH: f64 = 480.0;
+const HEIGHT: f64 = 300.0;
+const MAP_HEIGHT: f64 = 460.0;
+const LEFT: f64 = 58.0;
+const RIGHT: f64 = 10.0;
+const TOP: f64 = 10.0;
+const BOTTOM: f64 = 40.0;
+/// Colours of the palette; further series are dashed.
+const COLOURS: usize = 6;
+
+const STYLE: &str = ".study .charts{grid-template-columns:repeat(auto-fill,minmax(min(420px,100%),1fr));align-items:start}\
+.aside{color:var(--muted);font-size:12px;margin-left:6px}.doubt{color:var(--warn);font-weight:700}\
+.study table{font-size:13.5px;margin:0 0 8px}.study caption{text-align:left;color:var(--muted);padding:12px 0 6px}\
+.study ul.points{max-width:76ch;padding-left:20px;margin:0 0 12px}.study ul.points li{margin:0 0 6px}\
+.study .chart svg .tick text{font-size:12px}svg .reference{stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 3;opacity:.8}\
+svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
+
+/// The whole document.
+pub fn render(report: &StudyReport) -> String {
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
+         <title>{title}</title><style>\n{}{}{STYLE}</style></head><body><main class=\"study\">\n\
+         <header><h1>{title}</h1><code class=\"command\">{}</code><dl class=\"facts\">",
+        include_str!("palette.css"),
+        include_str!("page.css"),
+        Escaped(&report.command),
+        title = Escaped(&report.title),
+    );
+    for (name, value) in &report.facts {
+        // Writing to a string cannot fail, here and below.
+        let _ = write!(out, "<dt>{}</dt><dd>{}</dd>", Escaped(name), Escaped(value));
+    }
+    out.push_str("</dl></header>\n");
+    for part in &report.sections {
+        section(&mut out, part);
+    }
+    let _ = writeln!(
+        out,
+        "<footer>Digest of the estimates <code>{}</code><br>The same configuration and seed give the same digest on \
+         every machine; times differ. zerre {}</footer></main></body></html>",
+        Escaped(&report.digest),
+        env!("CARGO_PKG_VERSION")
+    );
+    out
+}
+
+fn section(out: &mut String, section: &Section) {
+    let _ = write!(out, "<section><h2>{}</h2>", Escaped(&section.title));
+    for text in &section.paragraphs {
+        let _ = write!(out, "<p>{}</p>", Escaped(text));
+    }
+    if !section.points.is_empty() {
+        out.push_str("<ul class=\"points\">");
+        for text in &section.points {
+            let _ = write!(out, "<li>{}</li>", Escaped(text));
+        }
+        out.push_str("</ul>");
+    }
+    if !section.figures.is_empty() {
+        out.push_str("<div class=\"charts\">");
+        section.figures.iter().for_each(|f| figure(out, f));
+        out.push_str("</div>");
+    }
+    section.tables.iter().for_each(|g| grid(out, g));
+    out.push_str("</section>\n");
+}
+
+fn grid(out: &mut String, grid: &Grid) {
+    let _ = write!(
+        out,
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\"><table><caption>{caption}\
+         </caption><thead><tr>",
+        caption = Escaped(&grid.caption)
+    );
+    for name in &grid.head {
+        let _ = write!(out, "<th scope=\"col\">{}</th>", Escaped(name));
+    }
+    out.push_str("</tr></thead><tbody>");
+    let mut doubts: Vec<&str> = Vec::new();
+    for row in &grid.rows {
+        out.push_str("<tr>");
+        for Shown { text, aside, doubt } in row {
+            let _ = write!(out, "<td>{}", Escaped(text));
+            if !aside.is_empty() {
+                let _ = write!(out, "<span class=\"aside\">{}</span>", Escaped(aside));
+            }
+            if let Some(reason) = doubt {
+                let place = doubts.iter().position(|known| known == reason).unwrap_or_else(|| {
+                    doubts.push(reason);
+                    doubts.len() - 1
+                });
+                let _ = write!(out, "<sup class=\"doubt\">{}</sup>", place + 1);
+            }
+            out.push_str("</td>");
+        }
+        out.push_str("</tr>");
+    }
+    out.push_str("</tbody></table></div>");
+    for (place, reason) in (1..).zip(doubts) {
+        let _ = write!(out, "<p class=\"small\"><sup class=\"doubt\">{place}</sup> {}</p>", Escaped(reason));
+    }
+}
+
+/// From values to the page along one axis.
+struct Scale {
+    range: Range,
+    logarithmic: bool,
+}
+
+impl Scale {
+    fn over(values: impl Iterator<Item = f64>, margin: f64, logarithmic: bool) -> Scale {
+        let values = values.map(|v| if logarithmic { log10(v) } else { v });
+        Scale { range: Range::over(values.filter(|v| v.is_finite()), margin), logarithmic }
+    }
+
+    /// Share of the axis below `value`.
+    fn share(&self, value: f64) -> f64 {
+        let value = if self.logarithmic { log10(value) } else { value };
+        (value - self.range.low) / self.range.span()
+    }
+
+    /// Values to mark, with their labels.
+    fn marks(&self, count: f64) -> Vec<(f64, String)> {
+        if !self.logarithmic {
+            let ticks = Ticks::between(self.range.low, self.range.high, count);
+            return ticks.at.iter().map(|v| (*v, ticks.label(*v))).collect();
+        }
+        let (first, last) = (self.range.low.floor() as i32, self.range.high.ceil() as i32);
+        (first..=last)
+            .flat_map(|power| [1.0, 2.0, 5.0].map(|times| times * 10f64.powi(power)))
+            .filter(|v| (self.range.low..=self.range.high).contains(&v.log10()))
+            .map(|v| (v, format!("{v}")))
+            .collect()
+    }
+}
+
+/// NaN where there is no logarithm, which interrupts lines.
+fn log10(value: f64) -> f64 {
+    if value > 0.0 { value.log10() } else { f64::NAN }
+}
+
+fn figure(out: &mut String, figure: &Figure) {
+    let height = if figure.map { MAP_HEIGHT } else { HEIGHT };
+    let (wide, high) = (WIDTH - LEFT - RIGHT, height - TOP - BOTTOM);
+    let all = |k: usize| figure.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
+    let mut x = Scale::over(all(0), if figure.map { 0.05 } else { 0.0 }, false);
+    let mut y = Scale::over(all(1), 0.06, figure.logarithmic);
+    if figure.map {
+        // The axis with room to spare is widened until a length is the same along both.
+        let unit = (x.range.span() / wide).max(y.range.span() / high);
+        x.range = about_the_middle(x.range, unit * wide);
+        y.range = about_the_middle(y.range, unit * high);
+    } else if !figure.logarithmic {
+        y.range = Range { low: y.range.low.min(0.0), high: y.range.high };
+    }
+    let at = |[a, b]: [f64; 2]| [LEFT + x.share(a) * wide, TOP + (1.0 - y.share(b)) * high];
+    let _ = write!(
+        out,
+        "<figure class=\"chart\"><figcaption>{title} <span class=\"unit\">{y}</span></figcaption>\
+         <svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{title}: {y} over {x}\">\
+         <g class=\"tick\" text-anchor=\"end\">",
+        title = Escaped(&figure.title),
+        x = Escaped(&figure.x),
+        y = Escaped(&figure.y),
+    );
+    let mut lines = String::new();
+    for (value, label) in y.marks(5.0) {
+        let down = TOP + (1.0 - y.share(value)) * high;
+        let _ = write!(lines, "M{LEFT},{}H{}", At(down), WIDTH - RIGHT);
+        let _ = write!(out, "<text x=\"{}\" y=\"{}\">{label}</text>", LEFT - 6.0, At(down + 4.0));
+    }
+    let floor = TOP + high;
+    let _ = write!(
+        out,
+        "<text x=\"{}\" y=\"{}\">{}</text></g><g class=\"tick\" text-anchor=\"middle\">",
+        WIDTH - RIGHT,
+        height - 6.0,
+        Escaped(&figure.x)
+    );
+    for (value, label) in x.marks(6.0) {
+        let _ = write!(
+            out,
+            "<text x=\"{}\" y=\"{}\">{label}</text>",
+            At(LEFT + x.share(value) * wide),
+            At(floor + 15.0)
+        );
+    }
+    let _ = write!(
+        out,
+        "</g><path class=\"grid\" d=\"{lines}\"/><path class=\"axis\" d=\"M{LEFT},{}H{}\"/>",
+        At(floor),
+        WIDTH - RIGHT
+    );
+    let mut key = String::new();
+    let mut coloured = 0;
+    for series in &figure.series {
+        let points = series.points.iter().map(|p| at(*p));
+        let colour = if series.reference {
+            "--c:var(--ink)".to_owned()
+        } else {
+            coloured += 1;
+            format!("--c:var(--c{})", (coloured - 1) % COLOURS)
+        };
+        let dashed = if coloured > COLOURS || series.reference { " dashed" } else { "" };
+        let (class, d) = match (series.dots, series.reference) {
+            (true, _) => ("spots", dots(points)),
+            (false, true) => ("reference", path(points)),
+            (false, false) => ("mean", path(points)),
+        };
+        let _ =
+            write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\"/></g>");
+        let _ = write!(
+            key,
+            "<li style=\"{colour}\"><span class=\"swatch{dashed}\"></span>{}</li>",
+            Escaped(&series.name)
+        );
+    }
+    let _ = write!(out, "</svg><ul class=\"key\">{key}</ul></figure>");
+}
+
+fn about_the_middle(range: Range, span: f64) -> Range {
+    let middle = 0.5 * (range.low + range.high);
+    Range { low: middle - 0.5 * span, high: middle + 0.5 * span }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> StudyReport {
+        let line = |name: &str, values: &[f64]| Series {
+            name: name.into(),
+            points: values.iter().enumerate().map(|(i, v)| [i as f64, *v]).collect(),
+            ..Series::default()
+        };
+        let figure = Figure {
+            title: "error".into(),
+            x: "noise".into(),
+            y: "km".into(),
+            logarithmic: true,
+            map: false,
+            series: vec![line("a", &[0.1, 1.0, -3.0, 10.0]), line("b", &[f64::NAN; 3])],
+        };
+        let doubtful = Shown { doubt: Some("a copy".into()), ..Shown::from(0.5) };
+        StudyReport {
+            title: "a study".into(),
+            sections: vec![Section {
+                title: "part".into(),
+                paragraphs: vec!["said".into()],
+                points: vec!["first".into()],
+                figures: vec![
+                    figure.clone(),
+                    Figure { logarithmic: false, map: true, ..figure },
+                    Figure::default(),
+                ],
+                tables: vec![Grid {
+                    caption: "numbers".into(),
+                    head: vec!["x".into(), "y".into()],
+                    rows: vec![vec!["a".into(), doubtful.clone()], vec![None.into(), doubtful]],
+                }],
+            }],
+            ..StudyReport::default()
+        }
+    }
+
+    #[test]
+    fn markup_is_balanced_and_asks_nothing_of_the_network() {
+        for report in [sample(), StudyReport::default()] {
+            let page = render(&report);
+            assert!(super::super::tests::is_balanced(&page));
+            for way_out in ["http:", "https:", "src=", "@import", "url(", "<link", "<script"] {
+                assert!(!page.contains(way_out), "{way_out}");
+            }
+            assert!(!page.contains("NaN"));
+        }
+    }
+
+    #[test]
+    fn doubts_are_told_once() {
+        let page = render(&sample());
+        assert_eq!(page.matches("a copy").count(), 1);
+        assert_eq!(page.matches("<sup class=\"doubt\">1</sup>").count(), 3);
+    }
+
+    #[test]
+    fn texts_stay_texts() {
+        let evil = "</title><script>alert('x')</script>";
+        let mut report = sample();
+        report.title = evil.into();
+        report.facts = vec![(evil.into(), evil.into())];
+        report.sections[0].points = vec![evil.into()];
+        report.sections[0].figures[0].series[0].name = evil.into();
+        report.sections[0].tables[0].rows[0][0] = Shown { aside: evil.into(), ..evil.into() };
+        let page = render(&report);
+        assert!(!page.contains("<script"));
+    }
+
+    /// A length of one along x and along y is drawn alike on a map.
+    #[test]
+    fn maps_do_not_stretch() {
+        let wide = about_the_middle(Range { low: 0.0, high: 2.0 }, 6.0);
+        assert_eq!((wide.low, wide.high), (-2.0, 4.0));
+    }
+}
