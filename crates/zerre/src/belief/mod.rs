@@ -2,7 +2,10 @@
 
 mod cloud;
 mod gaussian;
+mod modal;
 
 pub(crate) use cloud::SavedCloud;
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use modal::ModalGaussian;
+pub(crate) use modal::matched;

@@ -36,6 +36,23 @@ pub trait Transform: Send + Sync {
         at: Time,
         state: &Gaussian<N>,
     ) -> Result<Observed<N, M>>;
+
+    /// Refuses what the transform does not hold for before a filter is made of it.
+    ///
+    /// # Errors
+    /// Such models, or parameters of the transform itself.
+    fn accept<A, H, const N: usize, const W: usize, const M: usize>(
+        &self,
+        _motion: &A,
+        _measurement: &H,
+        _prior: &Gaussian<N>,
+    ) -> Result<()>
+    where
+        A: Motion<N, W>,
+        H: GaussianMeasurement<N, M>,
+    {
+        Ok(())
+    }
 }
 
 /// Moments of h(x) and what the Joseph form is summed from.
@@ -144,9 +161,7 @@ where
     /// # Errors
     /// `probability` outside (0, 1).
     pub fn with_gate(mut self, probability: f64) -> Result<Self> {
-        Error::positive("probability of the gate", probability)?;
-        let dof = u32::try_from(M).unwrap_or(u32::MAX);
-        self.gate = Some(chi_square::quantile(probability, dof)?);
+        self.gate = Some(gate_distance::<M>(probability)?);
         Ok(self)
     }
 
@@ -176,6 +191,12 @@ where
     pub fn update(&self, state: &Gaussian<N>, z: &H::Value, at: Time) -> Result<(Gaussian<N>, Update)> {
         update_law(&self.transform, &self.measurement, self.gate, state, z, at)
     }
+}
+
+/// The squared Mahalanobis distance that measurements of `M` components keep within with this probability.
+pub(super) fn gate_distance<const M: usize>(probability: f64) -> Result<f64> {
+    Error::positive("probability of the gate", probability)?;
+    chi_square::quantile(probability, u32::try_from(M).unwrap_or(u32::MAX))
 }
 
 /// [`GaussianFilter::predict`] for a transform and a motion.

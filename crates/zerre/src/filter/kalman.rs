@@ -34,17 +34,7 @@ where
     /// heavier tails than the normal law, and for process noise that is not normal. A motion that is not linear is
     /// refused by the first step, and so is a measurement that ceases to be.
     pub fn new(motion: A, measurement: H, prior: Gaussian<N>) -> Result<Self> {
-        if motion.noise() != Noise::StandardNormal {
-            return refuse("process noise that is not normal");
-        }
-        if H::ANGLE.contains(&true) {
-            return refuse("a measurement of angles");
-        }
-        // Far out in the tail a robust model has long departed from 1.
-        if measurement.covariance_scale(1e6) != 1.0 {
-            return refuse("a robust measurement");
-        }
-        Linear.observe(&measurement, Time::ZERO, &prior)?;
+        Linear.accept(&motion, &measurement, &prior)?;
         Ok(GaussianFilter::of(Linear, motion, measurement, prior))
     }
 }
@@ -83,6 +73,29 @@ impl Transform for Linear {
             return refuse("a nonlinear measurement");
         }
         Ok(observed(here, state))
+    }
+
+    fn accept<A, H, const N: usize, const W: usize, const M: usize>(
+        &self,
+        motion: &A,
+        measurement: &H,
+        prior: &Gaussian<N>,
+    ) -> Result<()>
+    where
+        A: Motion<N, W>,
+        H: GaussianMeasurement<N, M>,
+    {
+        if motion.noise() != Noise::StandardNormal {
+            return refuse("process noise that is not normal");
+        }
+        if H::ANGLE.contains(&true) {
+            return refuse("a measurement of angles");
+        }
+        // Far out in the tail a robust model has long departed from 1.
+        if measurement.covariance_scale(1e6) != 1.0 {
+            return refuse("a robust measurement");
+        }
+        self.observe(measurement, Time::ZERO, prior).map(drop)
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod extended;
 mod gaussian;
+mod imm;
 mod kalman;
 mod particle;
 mod unscented;
@@ -9,6 +10,7 @@ mod unscented;
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
+pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use kalman::{Kalman, Linear};
 pub use particle::{ParticleFilter, Prior, Settings};
 pub use unscented::{SigmaPoints, Unscented};

@@ -94,8 +94,7 @@ where
     /// # Errors
     /// Parameters that give no points, or negative variances (see [`SigmaPoints`]).
     pub fn new(motion: A, measurement: H, prior: Gaussian<N>, points: SigmaPoints) -> Result<Self> {
-        points.spread(N + W)?;
-        points.spread(N)?;
+        points.accept(&motion, &measurement, &prior)?;
         Ok(GaussianFilter::of(points, motion, measurement, prior))
     }
 }
@@ -169,5 +168,19 @@ impl Transform for SigmaPoints {
         });
         let deviations = Deviations::Points { weight: spread.weight, state: columns, measured };
         Ok(Observed { mean, covariance, cross, deviations })
+    }
+
+    fn accept<A, H, const N: usize, const W: usize, const M: usize>(
+        &self,
+        _: &A,
+        _: &H,
+        _: &Gaussian<N>,
+    ) -> Result<()>
+    where
+        A: Motion<N, W>,
+        H: GaussianMeasurement<N, M>,
+    {
+        self.spread(N + W)?;
+        self.spread(N).map(drop)
     }
 }

@@ -260,7 +260,7 @@ impl Transition {
     }
 }
 
-fn count(modes: usize) -> Result<usize> {
+pub(crate) fn count(modes: usize) -> Result<usize> {
     if (1..=MAX_MODES).contains(&modes) {
         Ok(modes)
     } else {
@@ -269,7 +269,7 @@ fn count(modes: usize) -> Result<usize> {
     }
 }
 
-fn law_of(law: &[f64], modes: usize, what: &'static str) -> Result<()> {
+pub(crate) fn law_of(law: &[f64], modes: usize, what: &'static str) -> Result<()> {
     if law.len() != modes {
         return Err(Error::Shape { what, found: law.len(), expected: modes });
     }
