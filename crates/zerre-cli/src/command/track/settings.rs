@@ -3,7 +3,7 @@
 use super::work::{Reference, has_particles};
 use crate::args::Track;
 use crate::config::{
-    Effective, Estimate, Generator, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
+    Effective, Estimate, Generator, ModesConfig, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
 };
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
@@ -12,8 +12,8 @@ use zerre::Span;
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
-    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, MotionSpec, Noise, Plot,
-    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, learn,
+    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, ModeSpec, MotionSpec, Noise, Plot,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_turns, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
@@ -58,6 +58,7 @@ impl Settings {
         }
         let filter = filter(&config, &mut effective)?;
         let motion = motion(&config, &mut effective)?;
+        check_modes(&config, &filter.name, &effective)?;
         let start = start(&config, &mut effective);
         let life = life(&config, &mut effective);
         let input = config.input.settle(&mut effective);
@@ -115,6 +116,9 @@ impl Settings {
                 }
                 Unknown::Sensor(name, noise) => {
                     self.effective.put(&["sensor", name, key(*noise)], value, reason);
+                }
+                Unknown::Stay | Unknown::TurnRate | Unknown::Manoeuvre => {
+                    self.effective.put(&["motion", "modes", mode_key(unknown)], value, reason);
                 }
             }
         }
@@ -175,6 +179,9 @@ impl Settings {
         match unknown {
             Unknown::Motion => format!("{} under [motion]", self.spec.motion.wander().0),
             Unknown::Sensor(name, noise) => format!("{} under [sensor.{name}]", key(*noise)),
+            Unknown::Stay | Unknown::TurnRate | Unknown::Manoeuvre => {
+                format!("{} under [motion.modes]", mode_key(unknown))
+            }
         }
     }
 
@@ -273,6 +280,16 @@ impl Settings {
         if self.spec.motion.wander().1.is_none() {
             unknown.insert(Unknown::Motion);
         }
+        if has_modes(&self.spec.filter.name) {
+            let motion = &self.spec.motion;
+            let turns = has_turns(&motion.model, self.spec.dimensions);
+            let modes = [
+                (Unknown::Stay, motion.modes.stay_s.is_none()),
+                (Unknown::TurnRate, turns && motion.modes.turn_rate_rad_s.is_none()),
+                (Unknown::Manoeuvre, motion.modes.manoeuvre_factor.is_none()),
+            ];
+            unknown.extend(modes.into_iter().filter(|(_, open)| *open).map(|(unknown, _)| unknown));
+        }
         unknown.into_iter().collect()
     }
 }
@@ -298,6 +315,15 @@ fn key(noise: Noise) -> &'static str {
         Noise::Bearing => "bearing_sd_rad",
         Noise::Elevation => "elevation_sd_rad",
         Noise::RangeRate => "range_rate_sd_mps",
+    }
+}
+
+/// Key of a number of the modes in the configuration.
+fn mode_key(unknown: &Unknown) -> &'static str {
+    match unknown {
+        Unknown::Stay => "stay_s",
+        Unknown::TurnRate => "turn_rate_rad_s",
+        _ => "manoeuvre_factor",
     }
 }
 
@@ -384,6 +410,7 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
             .settle_given(&at("turn_acceleration_sd_rad_s2"), &given.turn_acceleration_sd_rad_s2),
         tau_s: effective.settle_given(&at("tau_s"), &given.tau_s),
         turn_rate_sd_rad_s: None,
+        modes: modes(&given.modes, effective),
         model,
     };
     match spec.model.as_str() {
@@ -413,6 +440,24 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         effective.put(&at("acceleration_sd_mps2"), spec.acceleration_sd_mps2, Reason::Chosen(how));
     }
     Ok(spec)
+}
+
+fn modes(given: &ModesConfig, effective: &mut Effective) -> ModeSpec {
+    let at = |key| ["motion", "modes", key];
+    ModeSpec {
+        stay_s: effective.settle_given(&at("stay_s"), &given.stay_s),
+        turn_rate_rad_s: effective.settle_given(&at("turn_rate_rad_s"), &given.turn_rate_rad_s),
+        manoeuvre_factor: effective.settle_given(&at("manoeuvre_factor"), &given.manoeuvre_factor),
+    }
+}
+
+/// Refuses modes that the filter would ignore.
+fn check_modes(config: &TrackConfig, filter: &str, effective: &Effective) -> Result<(), Diagnostic> {
+    let given = config.motion.modes.given();
+    let Some(key) = given.first().filter(|_| !has_modes(filter)) else { return Ok(()) };
+    let text = format!("motion.modes.{key}: the filter `{filter}` has no modes");
+    let refusal = Diagnostic::new(text).help("choose imm-ekf, imm-ukf or imm-kalman, or leave it out");
+    Err(effective.at_key(&["motion", "modes", key], refusal))
 }
 
 /// Refuses a parameter of the motion that this `model` would ignore.
