@@ -3,7 +3,8 @@
 use super::work::{Reference, has_particles};
 use crate::args::Track;
 use crate::config::{
-    Effective, Estimate, Generator, ModesConfig, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
+    Effective, Estimate, Generator, ModesConfig, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source,
+    TrackConfig,
 };
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
@@ -185,13 +186,16 @@ impl Settings {
         }
     }
 
-    /// The same for a filter of the Kalman family, if nobody asked for another: its noises are learnt for itself.
-    pub fn rival(&self) -> Option<Settings> {
+    /// The same for filters of the Kalman family without and with modes, if nobody asked for another: noises are learnt
+    /// for the filter that uses them.
+    pub fn rivals(&self) -> Option<[Settings; 2]> {
         let asked = self.config.filter.name.as_deref().is_some_and(|name| name != AUTO);
         (!asked).then(|| {
-            let mut rival = self.clone();
-            rival.spec.filter.name = "ukf".to_owned();
-            rival
+            ["ukf", "imm-ekf"].map(|filter| {
+                let mut rival = self.clone();
+                rival.spec.filter.name = filter.to_owned();
+                rival
+            })
         })
     }
 
@@ -345,14 +349,16 @@ fn name_of(
 }
 
 fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec, Diagnostic> {
-    let why = "it takes any model; a Kalman filter takes its place where that has clearly more evidence";
-    let name = name_of(
-        effective,
-        &["filter", "name"],
-        ("filter", "filters"),
-        &config.filter.name,
-        ("particle", why),
-    )?;
+    let choice = match config.motion.modes.given().first() {
+        None => {
+            let why = "it takes any model; a Kalman filter, with modes or without, takes its place where that has \
+                       clearly more evidence";
+            ("particle", why)
+        }
+        Some(_) => ("imm-ekf", "modes are told under [motion.modes]"),
+    };
+    let path = ["filter", "name"];
+    let name = name_of(effective, &path, ("filter", "filters"), &config.filter.name, choice)?;
     let mut spec = TrackerSpec::new(&name, "").filter;
     if !has_particles(&name) {
         return Ok(spec);
@@ -526,6 +532,22 @@ mod tests {
     use zerre::catalog::MOTIONS;
     use zerre::kernels::{Simd, Threads};
     use zerre::track::Engine;
+
+    /// Modes choose a filter that has them, and are refused by others.
+    #[test]
+    fn modes_are_never_ignored() {
+        let read = |text: &str| {
+            let config = TrackConfig::from_source(&Source::new("f.toml", text.to_owned())).unwrap();
+            let filter = filter(&config, &mut Effective::default()).unwrap().name;
+            let checked = check_modes(&config, &filter, &Effective::default());
+            checked.map(|()| filter).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("[motion.modes]\nstay_s = 5").unwrap(), "imm-ekf");
+        assert_eq!(read("filter = \"imm-ukf\"\n[motion.modes]\nstay_s = 5").unwrap(), "imm-ukf");
+        assert_eq!(read("").unwrap(), "particle");
+        let refused = read("filter = \"ekf\"\n[motion.modes]\nstay_s = 5").unwrap_err();
+        assert!(refused.contains("motion.modes.stay_s: the filter `ekf` has no modes"), "{refused}");
+    }
 
     /// Each parameter that a motion is said to use changes its specification or is needed by it.
     #[test]
