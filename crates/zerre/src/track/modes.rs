@@ -105,7 +105,7 @@ impl Moves<CoordinatedTurn> {
         let rate = spec.modes.turn_rate_rad_s.unwrap_or(ModeSpec::TURN_RATE_RAD_S);
         let rate = Error::not_negative("turn_rate_rad_s of the modes", rate)?;
         let quiet = turn(spec, 0.0)?;
-        let mut modes = vec![quiet.clone()];
+        let mut modes = vec![quiet];
         if rate > 0.0 {
             modes.extend([turn(spec, rate)?, turn(spec, -rate)?]);
         }
