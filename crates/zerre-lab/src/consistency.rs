@@ -741,7 +741,7 @@ mod tests {
     #[test]
     fn numbers_with_and_without_outliers_do_not_contradict_each_other() {
         let mut noise = Noise(8);
-        let mut draw = |i: usize| (if i % 4 == 0 { 1.0 } else { 0.01 }) * noise.normal().powi(2);
+        let mut draw = |i: usize| (if i.is_multiple_of(4) { 1.0 } else { 0.01 }) * noise.normal().powi(2);
         let nis: Vec<f64> = (0..2000).map(&mut draw).collect();
         let innovations =
             SensorInnovations { dimension: 1, nis, noise_share: Some(0.05), ..Default::default() };

@@ -95,6 +95,24 @@ pub const FILTERS: &[Entry] = &[
         "Julier and Uhlmann 2004",
     ),
     classed(
+        Class::Approximate,
+        "imm-kalman",
+        "interacting multiple models: a Kalman filter in each mode, for manoeuvring targets",
+        "Blom and Bar-Shalom 1988",
+    ),
+    classed(
+        Class::Approximate,
+        "imm-ekf",
+        "interacting multiple models: an extended Kalman filter in each mode",
+        "Blom and Bar-Shalom 1988",
+    ),
+    classed(
+        Class::Approximate,
+        "imm-ukf",
+        "interacting multiple models: an unscented Kalman filter in each mode",
+        "Blom and Bar-Shalom 1988",
+    ),
+    classed(
         Class::Consistent,
         "particle",
         "particle filter with resampling (sequential importance resampling)",

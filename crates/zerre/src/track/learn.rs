@@ -1,11 +1,11 @@
 //! Noises that nobody told, learnt from the recording itself: the most likely ones.
 
+use super::modes::{ModeSpec, Moves, has_modes};
 use super::motion::{WithMotion, with_motion};
 use super::sensor::{Frame, Noise};
 use super::tail::Robust;
-use super::tracker::{Engine, Event, Innovation, Rules};
+use super::tracker::{Belief, Engine, Event, Innovation, Rules};
 use super::{Plot, TrackerSpec};
-use crate::belief::GaussianBelief;
 use crate::error::{Error, Result};
 use crate::filter::Outcome;
 use crate::math::{exp, ln};
@@ -20,6 +20,19 @@ pub enum Unknown {
     Sensor(String, Noise),
     /// How much the motion wanders: [`MotionSpec::wander`](super::MotionSpec::wander).
     Motion,
+    /// The mean time in a mode: [`ModeSpec::stay_s`].
+    Stay,
+    /// The rate of the turning modes: [`ModeSpec::turn_rate_rad_s`].
+    TurnRate,
+    /// The noise of the manoeuvring mode: [`ModeSpec::manoeuvre_factor`].
+    Manoeuvre,
+}
+
+impl Unknown {
+    /// Whether only filters with modes have it.
+    fn is_of_modes(&self) -> bool {
+        matches!(self, Unknown::Stay | Unknown::TurnRate | Unknown::Manoeuvre)
+    }
 }
 
 /// What was learnt.
@@ -52,7 +65,7 @@ const CLEARLY: f64 = 3.0;
 /// need a likelihood that is not much narrower than what was foretold.
 const LEAST_SHARE: f64 = 0.05;
 
-/// The values of `unknown` under which the extended Kalman filter gives the plots the largest evidence; all else is
+/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives the plots the largest evidence; all else is
 /// as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
 /// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of
 /// which the recording tells no more than that it is small against the wandering of the motion is set to where it
@@ -60,7 +73,8 @@ const LEAST_SHARE: f64 = 0.05;
 /// innovations that they do not reach: a rare manoeuvre must not leave all of them behind.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
-/// Mead (Computer Journal 7, 1965) on the logarithms: deterministic.
+/// Mead (Computer Journal 7, 1965) on the logarithms: deterministic. With modes all numbers are searched for together
+/// from where the one motion was most likely and less, with few values of those of the modes.
 ///
 /// # Errors
 /// Plots that tell nothing (no target is measured twice), and what the models refuse.
@@ -76,7 +90,8 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
         return Err(Error::Unsupported(text));
     }
     let mut spec = spec.clone();
-    let filter = std::mem::replace(&mut spec.filter.name, "ekf".to_owned());
+    let stand_in = if has_modes(&spec.filter.name) { "imm-ekf" } else { "ekf" };
+    let filter = std::mem::replace(&mut spec.filter.name, stand_in.to_owned());
     let open: Vec<String> = spec
         .sensors
         .iter()
@@ -117,14 +132,16 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     Ok(Learnt { spec: best, values, plots: count, targets: chosen.len(), heavy_tails })
 }
 
-/// Log-evidence of the plots under the unscented filter; -inf where it refuses the models. A restart counts as much as
+/// Log-evidence of the plots under the unscented filter, or under the filter itself if it has modes; -inf where it refuses the models. A restart counts as much as
 /// a measurement that is all but impossible. Not under particles: where the noise of the motion is small they collapse,
 /// and what they then make of a measurement says nothing of the law of its errors.
 fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
     const RESTART: f64 = -100.0;
     // What a gate refuses has no evidence that could be compared: both sides take every measurement.
     let mut spec = spec.clone();
-    spec.filter.name = "ukf".to_owned();
+    if !has_modes(&spec.filter.name) {
+        spec.filter.name = "ukf".to_owned();
+    }
     spec.sensors.values_mut().for_each(|sensor| sensor.gate = None);
     let Ok(mut tracker) = spec.build(Engine::default()) else { return f64::NEG_INFINITY };
     let mut total = 0.0;
@@ -148,13 +165,11 @@ fn search(
     targets: &[Vec<&Plot>],
     reach: Option<f64>,
 ) -> Result<(f64, Vec<f64>)> {
-    let evidence = |logs: &[f64]| -> Result<f64> {
-        let mut candidate = spec.clone();
-        set(&mut candidate, unknown, logs);
-        let work = Evidence { spec: &candidate, targets, reach };
-        with_motion(&candidate.motion, candidate.dimensions, work)
-    };
-    let start: Vec<f64> = unknown.iter().map(|u| ln(typical(u))).collect();
+    if has_modes(&spec.filter.name) {
+        return search_modes(spec, unknown, targets);
+    }
+    let evidence = |logs: &[f64]| evidence_of(spec, unknown, logs, targets, reach);
+    let start = sizes(unknown);
     let mut best = (f64::NEG_INFINITY, start.clone());
     // Steps of a factor of four; without one of the two kinds its axis is walked once.
     let idle = |is_motion: bool| !unknown.iter().any(|u| (*u == Unknown::Motion) == is_motion);
@@ -171,14 +186,75 @@ fn search(
             }
         }
     }
+    Ok(climb_from(best.1, &start, &evidence))
+}
+
+/// The same for a filter with modes.
+fn search_modes(spec: &TrackerSpec, unknown: &[Unknown], targets: &[Vec<&Plot>]) -> Result<(f64, Vec<f64>)> {
+    let evidence = |logs: &[f64]| evidence_of(spec, unknown, logs, targets, None);
+    let start = sizes(unknown);
+    // Without modes first: that is quick, and its noises are near those sought.
+    let mut plain = spec.clone();
+    plain.filter.name = "ekf".to_owned();
+    let of_plain: Vec<Unknown> = unknown.iter().filter(|u| !u.is_of_modes()).cloned().collect();
+    let (_, plain_logs) =
+        if of_plain.is_empty() { (0.0, Vec::new()) } else { search(&plain, &of_plain, targets, None)? };
+    let mut known = plain_logs.into_iter();
+    let near: Vec<f64> = unknown
+        .iter()
+        .zip(&start)
+        .map(|(u, &size)| if u.is_of_modes() { size } else { known.next().unwrap_or(size) })
+        .collect();
+    let mut best = (f64::NEG_INFINITY, near.clone());
+    for (quiet, stay, rate) in [1.0, 0.3, 0.1]
+        .into_iter()
+        .flat_map(|q| [0.5, 2.0].map(|s| (q, s)))
+        .flat_map(|(q, s)| [0.3, 1.0, 3.0].map(|r| (q, s, r)))
+    {
+        let factor = |u: &Unknown| match u {
+            Unknown::Motion => quiet,
+            Unknown::Stay => stay,
+            Unknown::TurnRate => rate,
+            _ => 1.0,
+        };
+        let logs: Vec<f64> = near.iter().zip(unknown).map(|(log, u)| log + ln(factor(u))).collect();
+        let value = evidence(&logs)?;
+        if value > best.0 {
+            best = (value, logs);
+        }
+    }
+    Ok(climb_from(best.1, &start, &evidence))
+}
+
+/// Where the search starts.
+fn sizes(unknown: &[Unknown]) -> Vec<f64> {
+    unknown.iter().map(|u| ln(typical(u))).collect()
+}
+
+fn evidence_of(
+    spec: &TrackerSpec,
+    unknown: &[Unknown],
+    logs: &[f64],
+    targets: &[Vec<&Plot>],
+    reach: Option<f64>,
+) -> Result<f64> {
+    let mut candidate = spec.clone();
+    set(&mut candidate, unknown, logs);
+    let work = Evidence { spec: &candidate, targets, reach };
+    let jumping = has_modes(&candidate.filter.name);
+    with_motion(&candidate.motion, candidate.dimensions, jumping, work)
+}
+
+/// The highest evidence near `from`, not too far from the sizes of the things.
+fn climb_from(from: Vec<f64>, sizes: &[f64], evidence: &dyn Fn(&[f64]) -> Result<f64>) -> (f64, Vec<f64>) {
     // Numbers without any scatter (made ones) would drive the noises to zero.
-    let far = |logs: &[f64]| logs.iter().zip(&start).any(|(log, start)| (log - start).abs() > WIDEST);
-    Ok(climb(
-        best.1,
+    let far = |logs: &[f64]| logs.iter().zip(sizes).any(|(log, size)| (log - size).abs() > WIDEST);
+    climb(
+        from,
         |logs| {
             if far(logs) { f64::NEG_INFINITY } else { evidence(logs).unwrap_or(f64::NEG_INFINITY) }
         },
-    ))
+    )
 }
 
 /// Three digits: more are not known, and fewer are easier to read and to write down.
@@ -192,6 +268,9 @@ fn set(spec: &mut TrackerSpec, unknown: &[Unknown], logs: &[f64]) {
         let value = rounded(exp(log));
         match unknown {
             Unknown::Motion => spec.motion.set_wander(value),
+            Unknown::Stay => spec.motion.modes.stay_s = Some(value),
+            Unknown::TurnRate => spec.motion.modes.turn_rate_rad_s = Some(value),
+            Unknown::Manoeuvre => spec.motion.modes.manoeuvre_factor = Some(value),
             Unknown::Sensor(name, noise) => {
                 *spec.sensors.entry(name.clone()).or_default().sd_mut(*noise) = Some(value);
             }
@@ -203,6 +282,9 @@ fn set(spec: &mut TrackerSpec, unknown: &[Unknown], logs: &[f64]) {
 fn typical(unknown: &Unknown) -> f64 {
     match unknown {
         Unknown::Motion => 1.0,
+        Unknown::Stay => ModeSpec::STAY_S,
+        Unknown::TurnRate => ModeSpec::TURN_RATE_RAD_S,
+        Unknown::Manoeuvre => ModeSpec::MANOEUVRE_FACTOR,
         Unknown::Sensor(_, Noise::Position) => 10.0,
         Unknown::Sensor(_, Noise::Range) => 10.0,
         Unknown::Sensor(_, Noise::Bearing | Noise::Elevation) => 0.01,
@@ -253,26 +335,30 @@ fn shortfall(nis: f64, share: f64, reach: f64) -> f64 {
 
 impl WithMotion for Evidence<'_> {
     type Out = f64;
-    fn with<A, F, const N: usize, const W: usize, const D: usize>(self, motion: A) -> Result<f64>
+    fn with<A, F, const N: usize, const W: usize, const D: usize>(self, moves: Moves<A>) -> Result<f64>
     where
         A: Motion<N, W> + Clone + 'static,
         F: Frame<N, D>,
     {
-        let rules = Rules::<A, F, N, W, D>::new(self.spec, motion, Engine::default())?;
+        let rules = Rules::<A, F, N, W, D>::new(self.spec, moves, Engine::default())?;
         let (mut total, mut shares, mut count) = (0.0, 0.0, 0.0);
         for plots in self.targets {
-            let mut belief: Option<GaussianBelief<N>> = None;
+            let mut belief: Option<Belief<N>> = None;
             for plot in plots {
                 let silent =
-                    |b: &GaussianBelief<N>| plot.time - b.time > self.spec.life.max_gap || plot.time < b.time;
+                    |b: &Belief<N>| plot.time - b.time() > self.spec.life.max_gap || plot.time < b.time();
                 let Some(current) = belief.as_mut().filter(|b| !silent(b)) else {
-                    let start = rules.begin(plot)?;
-                    belief = start.map(|(state, _)| GaussianBelief { time: plot.time, state });
+                    let formed = |(law, _)| rules.form("", 1, plot.time, law, 0);
+                    belief = rules.begin(plot)?.map(formed).transpose()?;
                     continue;
                 };
-                let Some(foretold) = rules.innovation(&current.state, current.time, plot)? else { continue };
+                if matches!(current, Belief::Modal(_)) {
+                    // An update after a prediction is the step; so it is predicted once, not twice.
+                    rules.step(current, plot, false)?;
+                }
+                let Some(foretold) = rules.foretold(current, plot)? else { continue };
                 (shares, count) = (shares + foretold.least_share, count + 1.0);
-                let update = rules.update(current, plot, true)?;
+                let update = rules.step(current, plot, true)?;
                 // What cannot be held in numbers counts as what it would be under the normal law.
                 total += match update.outcome {
                     Outcome::Degenerate => foretold.log_density,

@@ -26,6 +26,7 @@
 //! ```
 
 mod learn;
+mod modes;
 mod motion;
 mod plot;
 mod saved;
@@ -34,6 +35,7 @@ mod tail;
 mod tracker;
 
 pub use learn::{HEAVY_TAILS, Learnt, Unknown, learn};
+pub use modes::{ModeSpec, has_modes, has_turns};
 pub use motion::MotionSpec;
 pub use plot::{Plot, Reading};
 pub use saved::{SavedTracker, VERSION};

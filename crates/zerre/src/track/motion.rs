@@ -1,5 +1,6 @@
 //! Motions chosen at run time.
 
+use super::modes::{ModeSpec, Moves, has_turns};
 use super::sensor::{Frame, Plane, Space, StillPlane, StillSpace};
 use crate::catalog::MOTIONS;
 use crate::error::{Error, Result};
@@ -33,6 +34,9 @@ pub struct MotionSpec {
     pub turn_acceleration_sd_rad_s2: Option<f64>,
     /// Time that an acceleration or a turn rate lasts, s: `singer`, `markov-turn`.
     pub tau_s: Option<f64>,
+    /// How the target manoeuvres, for filters that have modes.
+    #[serde(default)]
+    pub modes: ModeSpec,
 }
 
 impl MotionSpec {
@@ -58,49 +62,86 @@ impl MotionSpec {
     fn needed(&self, key: &str, value: Option<f64>) -> Result<f64> {
         value.ok_or_else(|| Error::Unsupported(format!("the motion `{}` needs {key}", self.model)))
     }
+
+    fn wandering(&self) -> Result<f64> {
+        let (key, value) = self.wander();
+        self.needed(key, value)
+    }
+
+    /// Spectral density of the noise that [`MotionSpec::wander`] sets.
+    pub(super) fn density(&self) -> Result<f64> {
+        self.wandering().map(|sd| sd * sd)
+    }
+
+    fn tau(&self) -> Result<f64> {
+        self.needed("tau_s", self.tau_s)
+    }
 }
 
 /// Something to do with the motion of a name.
 pub(super) trait WithMotion {
     type Out;
-    fn with<A, F, const N: usize, const W: usize, const D: usize>(self, motion: A) -> Result<Self::Out>
+    fn with<A, F, const N: usize, const W: usize, const D: usize>(self, moves: Moves<A>) -> Result<Self::Out>
     where
         A: Motion<N, W> + Clone + 'static,
         F: Frame<N, D>;
 }
 
-/// Does `work` with the motion that `spec` names, in 2 or 3 dimensions: one line here for each new motion.
-pub(super) fn with_motion<T: WithMotion>(spec: &MotionSpec, dimensions: usize, work: T) -> Result<T::Out> {
-    let density = |key, value| spec.needed(key, value).map(|sd| sd * sd);
-    let wander = || {
-        let (key, value) = spec.wander();
-        spec.needed(key, value)
-    };
-    let q = || wander().map(|sd| sd * sd);
-    let tau = || spec.needed("tau_s", spec.tau_s);
-    let rate_sd = || spec.needed("turn_rate_sd_rad_s", spec.turn_rate_sd_rad_s);
-    let turn_q = || density("turn_acceleration_sd_rad_s2", spec.turn_acceleration_sd_rad_s2);
-    let turn_rate = || spec.needed("turn_rate_rad_s", spec.turn_rate_rad_s);
-    let lateral = || spec.needed("lateral_acceleration_mps2", spec.lateral_acceleration_mps2);
+/// Does `work` with the motion that `spec` names, in 2 or 3 dimensions, and with its modes if `jumping`: one line here
+/// for each new motion.
+pub(super) fn with_motion<T: WithMotion>(
+    spec: &MotionSpec,
+    dimensions: usize,
+    jumping: bool,
+    work: T,
+) -> Result<T::Out> {
+    macro_rules! with {
+        ($frame:ty, $n:literal, $w:literal, $d:literal, $make:expr) => {
+            work.with::<_, $frame, $n, $w, $d>(Moves::new(spec, jumping, $make)?)
+        };
+    }
+    type Spec = MotionSpec;
+    let rate = |s: &Spec| s.needed("turn_rate_rad_s", s.turn_rate_rad_s);
+    let rate_sd = |s: &Spec| s.needed("turn_rate_sd_rad_s", s.turn_rate_sd_rad_s);
+    let lateral = |s: &Spec| s.needed("lateral_acceleration_mps2", s.lateral_acceleration_mps2);
+    let turn_q =
+        |s: &Spec| s.needed("turn_acceleration_sd_rad_s2", s.turn_acceleration_sd_rad_s2).map(|sd| sd * sd);
     match (spec.model.as_str(), dimensions) {
-        ("random-walk", 2) => work.with::<_, StillPlane, 2, 2, 2>(RandomWalk::<2>::new(q()?)?),
-        ("random-walk", 3) => work.with::<_, StillSpace, 3, 3, 3>(RandomWalk::<3>::new(q()?)?),
-        ("constant-velocity", 2) => work.with::<_, Plane, 4, 4, 2>(ConstantVelocity::<2>::new(q()?)?),
-        ("constant-velocity", 3) => work.with::<_, Space, 6, 6, 3>(ConstantVelocity::<3>::new(q()?)?),
-        ("constant-acceleration", 2) => work.with::<_, Plane, 6, 6, 2>(ConstantAcceleration::<2>::new(q()?)?),
-        ("constant-acceleration", 3) => work.with::<_, Space, 9, 9, 3>(ConstantAcceleration::<3>::new(q()?)?),
+        (name, _) if jumping && has_turns(name, dimensions) => {
+            work.with::<_, Plane, 4, 4, 2>(Moves::turning(spec)?)
+        }
+        ("random-walk", 2) => with!(StillPlane, 2, 2, 2, |s: &Spec| RandomWalk::<2>::new(s.density()?)),
+        ("random-walk", 3) => with!(StillSpace, 3, 3, 3, |s: &Spec| RandomWalk::<3>::new(s.density()?)),
+        ("constant-velocity", 2) => {
+            with!(Plane, 4, 4, 2, |s: &Spec| ConstantVelocity::<2>::new(s.density()?))
+        }
+        ("constant-velocity", 3) => {
+            with!(Space, 6, 6, 3, |s: &Spec| ConstantVelocity::<3>::new(s.density()?))
+        }
+        ("constant-acceleration", 2) => {
+            with!(Plane, 6, 6, 2, |s: &Spec| ConstantAcceleration::<2>::new(s.density()?))
+        }
+        ("constant-acceleration", 3) => {
+            with!(Space, 9, 9, 3, |s: &Spec| ConstantAcceleration::<3>::new(s.density()?))
+        }
         ("wiener-acceleration", 2) => {
-            work.with::<_, Plane, 6, 2, 2>(WienerAcceleration::<2>::new(wander()?)?)
+            with!(Plane, 6, 2, 2, |s: &Spec| WienerAcceleration::<2>::new(s.wandering()?))
         }
         ("wiener-acceleration", 3) => {
-            work.with::<_, Space, 9, 3, 3>(WienerAcceleration::<3>::new(wander()?)?)
+            with!(Space, 9, 3, 3, |s: &Spec| WienerAcceleration::<3>::new(s.wandering()?))
         }
-        ("singer", 2) => work.with::<_, Plane, 6, 6, 2>(Singer::<2>::new(wander()?, tau()?)?),
-        ("singer", 3) => work.with::<_, Space, 9, 9, 3>(Singer::<3>::new(wander()?, tau()?)?),
-        ("coordinated-turn", 2) => work.with::<_, Plane, 4, 4, 2>(CoordinatedTurn::new(turn_rate()?, q()?)?),
-        ("manoeuvre-turn", 2) => work.with::<_, Plane, 4, 4, 2>(ManoeuvreTurn::new(lateral()?, q()?)?),
-        ("wiener-turn", 2) => work.with::<_, Plane, 5, 5, 2>(WienerTurn::new(q()?, turn_q()?)?),
-        ("markov-turn", 2) => work.with::<_, Plane, 5, 5, 2>(MarkovTurn::new(q()?, rate_sd()?, tau()?)?),
+        ("singer", 2) => with!(Plane, 6, 6, 2, |s: &Spec| Singer::<2>::new(s.wandering()?, s.tau()?)),
+        ("singer", 3) => with!(Space, 9, 9, 3, |s: &Spec| Singer::<3>::new(s.wandering()?, s.tau()?)),
+        ("coordinated-turn", 2) => {
+            with!(Plane, 4, 4, 2, |s: &Spec| CoordinatedTurn::new(rate(s)?, s.density()?))
+        }
+        ("manoeuvre-turn", 2) => {
+            with!(Plane, 4, 4, 2, |s: &Spec| ManoeuvreTurn::new(lateral(s)?, s.density()?))
+        }
+        ("wiener-turn", 2) => with!(Plane, 5, 5, 2, |s: &Spec| WienerTurn::new(s.density()?, turn_q(s)?)),
+        ("markov-turn", 2) => {
+            with!(Plane, 5, 5, 2, |s: &Spec| MarkovTurn::new(s.density()?, rate_sd(s)?, s.tau()?))
+        }
         (name, _) => Err(no_motion(name, dimensions)),
     }
 }

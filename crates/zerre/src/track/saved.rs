@@ -1,7 +1,7 @@
 //! Tracks at rest: what is written to a file and taken up again.
 
 use super::TrackerSpec;
-use crate::belief::{Gaussian, GaussianBelief, SavedCloud};
+use crate::belief::{Gaussian, GaussianBelief, ModalGaussian, SavedCloud};
 use crate::error::{Error, Result};
 use crate::math::Matrix;
 use crate::time::Time;
@@ -70,17 +70,31 @@ pub(super) struct SavedTarget {
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SavedBelief {
     Gaussian { time: Time, mean: Vec<f64>, covariance: Vec<Vec<f64>> },
+    Modal { time: Time, modes: Vec<SavedMode> },
     Cloud(SavedCloud),
+}
+
+/// A mode of a belief: its probability, and the law given it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SavedMode {
+    probability: f64,
+    mean: Vec<f64>,
+    covariance: Vec<Vec<f64>>,
 }
 
 impl SavedBelief {
     pub(super) fn gaussian<const N: usize>(belief: &GaussianBelief<N>) -> SavedBelief {
-        let rows = belief.state.covariance().0.iter();
-        SavedBelief::Gaussian {
-            time: belief.time,
-            mean: belief.state.mean().to_vec(),
-            covariance: rows.map(|row| row.to_vec()).collect(),
-        }
+        let (mean, covariance) = numbers(&belief.state);
+        SavedBelief::Gaussian { time: belief.time, mean, covariance }
+    }
+
+    pub(super) fn modal<const N: usize>(belief: &ModalGaussian<N>) -> SavedBelief {
+        let mode = |(j, &probability): (usize, &f64)| {
+            let (mean, covariance) = numbers(belief.mode(j));
+            SavedMode { probability, mean, covariance }
+        };
+        let modes = belief.probabilities().iter().enumerate().map(mode).collect();
+        SavedBelief::Modal { time: belief.time(), modes }
     }
 
     pub(super) fn restored<const N: usize>(
@@ -88,10 +102,26 @@ impl SavedBelief {
         mean: Vec<f64>,
         covariance: Vec<Vec<f64>>,
     ) -> Result<GaussianBelief<N>> {
-        let rows: Vec<[f64; N]> = covariance.into_iter().map(exactly).collect::<Result<_>>()?;
-        let state = Gaussian::computed("mean", "covariance", exactly(mean)?, Matrix(exactly(rows)?))?;
-        Ok(GaussianBelief { time, state })
+        Ok(GaussianBelief { time, state: law(mean, covariance)? })
     }
+
+    pub(super) fn restored_modes<const N: usize>(
+        time: Time,
+        modes: Vec<SavedMode>,
+    ) -> Result<ModalGaussian<N>> {
+        let probabilities = modes.iter().map(|mode| mode.probability).collect();
+        let laws = modes.into_iter().map(|mode| law(mode.mean, mode.covariance)).collect::<Result<_>>()?;
+        ModalGaussian::new(time, probabilities, laws)
+    }
+}
+
+fn numbers<const N: usize>(law: &Gaussian<N>) -> (Vec<f64>, Vec<Vec<f64>>) {
+    (law.mean().to_vec(), law.covariance().0.iter().map(|row| row.to_vec()).collect())
+}
+
+fn law<const N: usize>(mean: Vec<f64>, covariance: Vec<Vec<f64>>) -> Result<Gaussian<N>> {
+    let rows: Vec<[f64; N]> = covariance.into_iter().map(exactly).collect::<Result<_>>()?;
+    Gaussian::computed("mean", "covariance", exactly(mean)?, Matrix(exactly(rows)?))
 }
 
 fn exactly<T, const N: usize>(list: Vec<T>) -> Result<[T; N]> {

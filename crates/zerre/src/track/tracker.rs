@@ -1,20 +1,21 @@
 //! The loop of one target, and the targets of a run.
 
 use super::Plot;
+use super::modes::{Moves, has_modes};
 use super::motion::{MotionSpec, WithMotion, with_motion};
 use super::saved::{SavedBelief, SavedTarget, SavedTracker, Version};
 use super::sensor::{Frame, SensorSpec, Sensors, Work};
-use crate::belief::{Cloud, Gaussian, GaussianBelief};
+use crate::belief::{Cloud, Gaussian, GaussianBelief, ModalGaussian};
 use crate::catalog::FILTERS;
 use crate::error::{Error, Result};
 use crate::filter::{
-    Extended, Filter, Kalman, Outcome, ParticleFilter, Prior, Settings, SigmaPoints, Unscented, Update,
-    predict_measurement,
+    Extended, Filter, Kalman, Linear, Outcome, ParticleFilter, Prior, Settings, SigmaPoints, Tangent,
+    Transform, Unscented, Update, predict_measurement, step_modes,
 };
 use crate::kernels::{NoiseSource, Simd, Threads};
 use crate::math::gaussian::LN_2PI;
 use crate::math::{Cholesky, Matrix};
-use crate::model::{GaussianMeasurement, Measurement, Motion};
+use crate::model::{GaussianMeasurement, JumpMarkov, Measurement, Motion};
 use crate::resample::{Resampling, Trigger};
 use crate::rng::Stream;
 use crate::time::{Span, Time};
@@ -160,17 +161,18 @@ impl TrackerSpec {
             type Out = Box<dyn Tracker>;
             fn with<A, F, const N: usize, const W: usize, const D: usize>(
                 self,
-                motion: A,
+                moves: Moves<A>,
             ) -> Result<Box<dyn Tracker>>
             where
                 A: Motion<N, W> + Clone + 'static,
                 F: Frame<N, D>,
             {
-                let rules = Rules::<A, F, N, W, D>::new(self.0, motion, self.1)?;
+                let rules = Rules::<A, F, N, W, D>::new(self.0, moves, self.1)?;
                 Ok(Box::new(Targets { rules, targets: BTreeMap::new() }))
             }
         }
-        with_motion(&self.motion, self.dimensions, Build(self, engine))
+        let jumping = has_modes(&self.filter.name);
+        with_motion(&self.motion, self.dimensions, jumping, Build(self, engine))
     }
 }
 
@@ -312,9 +314,9 @@ impl Family {
     /// The family of a filter's name, and whether it has particles.
     fn named(name: &str) -> Result<(Family, bool)> {
         match name {
-            "kalman" => Ok((Family::Kalman, false)),
-            "ekf" => Ok((Family::Extended, false)),
-            "ukf" => Ok((Family::Unscented, false)),
+            "kalman" | "imm-kalman" => Ok((Family::Kalman, false)),
+            "ekf" | "imm-ekf" => Ok((Family::Extended, false)),
+            "ukf" | "imm-ukf" => Ok((Family::Unscented, false)),
             // Until the cloud is drawn.
             "particle" | "sir" | "sis" => Ok((Family::Unscented, true)),
             _ => {
@@ -329,20 +331,31 @@ impl Family {
 /// A belief of a target.
 pub(super) enum Belief<const N: usize> {
     Gaussian(GaussianBelief<N>),
+    Modal(ModalGaussian<N>),
     Cloud(Box<Cloud<N>>),
 }
 
 impl<const N: usize> Belief<N> {
-    fn time(&self) -> Time {
+    pub(super) fn time(&self) -> Time {
         match self {
             Belief::Gaussian(belief) => belief.time,
+            Belief::Modal(belief) => belief.time(),
             Belief::Cloud(cloud) => cloud.time(),
+        }
+    }
+
+    /// How many modes it knows; `None` if it knows of none.
+    fn modes(&self) -> Option<usize> {
+        match self {
+            Belief::Modal(belief) => Some(belief.len()),
+            Belief::Gaussian(_) | Belief::Cloud(_) => None,
         }
     }
 
     fn law(&self) -> Result<Gaussian<N>> {
         match self {
             Belief::Gaussian(belief) => Ok(belief.state),
+            Belief::Modal(belief) => belief.combined(),
             Belief::Cloud(cloud) => cloud.gaussian(),
         }
     }
@@ -367,9 +380,11 @@ pub(super) struct Target<const N: usize> {
 /// Models and settings: what all targets share.
 pub(super) struct Rules<A, F: Frame<N, D>, const N: usize, const W: usize, const D: usize> {
     spec: TrackerSpec,
-    pub(super) motion: A,
+    motion: A,
+    /// Its modes, for filters that have them.
+    modes: Option<JumpMarkov<A>>,
     pub(super) sensors: Sensors<F, N, D>,
-    pub(super) family: Family,
+    family: Family,
     particles: Option<ParticleFilter<N, W, A, Sensors<F, N, D>>>,
     stream: Stream,
 }
@@ -379,7 +394,7 @@ where
     A: Motion<N, W> + Clone + 'static,
     F: Frame<N, D>,
 {
-    pub(super) fn new(spec: &TrackerSpec, motion: A, engine: Engine) -> Result<Self> {
+    pub(super) fn new(spec: &TrackerSpec, moves: Moves<A>, engine: Engine) -> Result<Self> {
         let sensors = Sensors::new(&spec.sensors)?;
         let (family, clouds) = Family::named(&spec.filter.name)?;
         let start = &spec.start;
@@ -388,7 +403,8 @@ where
         Error::positive("standard deviation of the turn rate at the start", start.turn_rate_sd_rad_s)?;
         let mut rules = Rules {
             spec: spec.clone(),
-            motion,
+            motion: moves.quiet,
+            modes: moves.modes,
             sensors,
             family,
             particles: None,
@@ -443,7 +459,7 @@ where
     }
 
     /// Updates a Gaussian belief by `plot`, or predicts it to the plot's time where `used` is false.
-    pub(super) fn update(&self, belief: &mut GaussianBelief<N>, plot: &Plot, used: bool) -> Result<Update> {
+    fn update(&self, belief: &mut GaussianBelief<N>, plot: &Plot, used: bool) -> Result<Update> {
         struct Step<'a, A, const N: usize, const W: usize> {
             motion: &'a A,
             family: Family,
@@ -474,13 +490,78 @@ where
         self.sensors.of(plot).with(&plot.reading, step)
     }
 
-    /// What `state` at `from` foretells, against what was measured; `None` where it foretells nothing finite.
-    pub(super) fn innovation(
+    /// [`Rules::update`] for a Gaussian in each mode of `model`.
+    fn update_modes(
         &self,
-        state: &Gaussian<N>,
-        from: Time,
+        model: &JumpMarkov<A>,
+        belief: &mut ModalGaussian<N>,
         plot: &Plot,
-    ) -> Result<Option<Foretold>> {
+        used: bool,
+    ) -> Result<Update> {
+        struct Step<'a, A, const N: usize, const W: usize> {
+            model: &'a JumpMarkov<A>,
+            family: Family,
+            belief: &'a mut ModalGaussian<N>,
+            at: Time,
+            used: bool,
+        }
+        impl<A: Motion<N, W>, const N: usize, const W: usize> Work<N> for Step<'_, A, N, W> {
+            type Out = Update;
+            fn with<H, const M: usize>(self, sensor: &H, z: &[f64; M]) -> Result<Update>
+            where
+                H: GaussianMeasurement<N, M> + Measurement<N, Value = [f64; M]> + Clone,
+            {
+                let (model, belief, at) = (self.model, self.belief, self.at);
+                let z = self.used.then_some(z);
+                match self.family {
+                    Family::Kalman => {
+                        for mode in model.modes() {
+                            Linear.accept(mode, sensor, belief.mode(0))?;
+                        }
+                        step_modes(&Linear, model, sensor, None, belief, at, z)
+                    }
+                    Family::Extended => step_modes(&Tangent, model, sensor, None, belief, at, z),
+                    Family::Unscented => {
+                        step_modes(&SigmaPoints::default(), model, sensor, None, belief, at, z)
+                    }
+                }
+            }
+        }
+        let step = Step { model, family: self.family, belief, at: plot.time, used };
+        self.sensors.of(plot).with(&plot.reading, step)
+    }
+
+    /// The step of the filter, or of the one that stands for it until a cloud is drawn: an update by `plot`, or a
+    /// prediction to its time where `used` is false.
+    pub(super) fn step(&self, belief: &mut Belief<N>, plot: &Plot, used: bool) -> Result<Update> {
+        match (belief, &self.particles, &self.modes) {
+            (Belief::Gaussian(belief), _, _) => self.update(belief, plot, used),
+            (Belief::Modal(belief), _, Some(model)) => self.update_modes(model, belief, plot, used),
+            (Belief::Cloud(cloud), Some(filter), _) => filter.step(cloud, plot.time, used.then_some(plot)),
+            _ => Err(Error::Unsupported("a belief of another filter".to_owned())),
+        }
+    }
+
+    /// What `belief` foretells, against what was measured; `None` where it foretells nothing finite.
+    pub(super) fn foretold(&self, belief: &Belief<N>, plot: &Plot) -> Result<Option<Foretold>> {
+        match belief {
+            Belief::Gaussian(belief) => self.innovation(&belief.state, belief.time, plot),
+            Belief::Modal(belief) => {
+                let mut ahead = Belief::Modal(belief.clone());
+                if belief.time() < plot.time {
+                    self.step(&mut ahead, plot, false)?;
+                }
+                ahead.law().and_then(|law| self.innovation(&law, plot.time, plot)).or(Ok(None))
+            }
+            // A cloud without spread, or without a particle left, foretells nothing; the filter can still go on.
+            Belief::Cloud(cloud) => {
+                Ok(cloud.gaussian().and_then(|law| self.innovation(&law, cloud.time(), plot)).unwrap_or(None))
+            }
+        }
+    }
+
+    /// What `state` at `from` foretells, against what was measured; `None` where it foretells nothing finite.
+    fn innovation(&self, state: &Gaussian<N>, from: Time, plot: &Plot) -> Result<Option<Foretold>> {
         struct Foretell<'a, A, const N: usize, const W: usize> {
             motion: &'a A,
             state: &'a Gaussian<N>,
@@ -529,7 +610,17 @@ where
     }
 
     /// The law as the filter keeps it: a cloud once nothing is to wait for.
-    fn form(&self, id: &str, starts: u32, at: Time, law: Gaussian<N>, warm_up: u32) -> Result<Belief<N>> {
+    pub(super) fn form(
+        &self,
+        id: &str,
+        starts: u32,
+        at: Time,
+        law: Gaussian<N>,
+        warm_up: u32,
+    ) -> Result<Belief<N>> {
+        if let Some(model) = &self.modes {
+            return self.in_modes(model, at, law);
+        }
         match self.particles.as_ref().filter(|_| warm_up == 0) {
             None => Ok(Belief::Gaussian(GaussianBelief { time: at, state: law })),
             Some(filter) => {
@@ -538,6 +629,13 @@ where
                 Ok(Belief::Cloud(Box::new(Cloud::from_columns(at, stream, columns)?)))
             }
         }
+    }
+
+    /// The law in every mode.
+    fn in_modes(&self, model: &JumpMarkov<A>, at: Time, law: Gaussian<N>) -> Result<Belief<N>> {
+        let initial = model.chain().initial().to_vec();
+        let laws = vec![law; initial.len()];
+        Ok(Belief::Modal(ModalGaussian::new(at, initial, laws)?))
     }
 
     /// A target whose first plot this is; the second value is the filter's step where there was one.
@@ -555,13 +653,7 @@ where
 
     /// The filter's step.
     fn advance(&self, target: &mut Target<N>, plot: &Plot, used: bool) -> Result<Update> {
-        let update = match (&mut target.belief, &self.particles) {
-            (Belief::Cloud(cloud), Some(filter)) => filter.step(cloud, plot.time, used.then_some(plot))?,
-            (Belief::Gaussian(belief), _) => self.update(belief, plot, used)?,
-            (Belief::Cloud(_), None) => {
-                return Err(Error::Unsupported("a cloud without a particle filter".to_owned()));
-            }
-        };
+        let update = self.step(&mut target.belief, plot, used)?;
         if let Belief::Gaussian(GaussianBelief { time, state }) = target.belief
             && update.outcome == Outcome::Updated
             && target.warm_up > 0
@@ -597,13 +689,7 @@ where
         if plot.time < target.belief.time() {
             return self.row(target, Event::OutOfOrder, None, None);
         }
-        let foretold = match &target.belief {
-            Belief::Gaussian(belief) => self.innovation(&belief.state, belief.time, plot)?,
-            // A cloud without spread, or without a particle left, foretells nothing; the filter can still go on.
-            Belief::Cloud(cloud) => {
-                cloud.gaussian().and_then(|law| self.innovation(&law, cloud.time(), plot)).unwrap_or(None)
-            }
-        };
+        let foretold = self.foretold(&target.belief, plot)?;
         let innovation = foretold.map(|foretold| foretold.innovation);
         let gated = self.gated(plot, innovation.as_ref());
         // What comes at one time may be wrong for one reason: it counts once.
@@ -743,6 +829,7 @@ where
             gated: target.gated,
             belief: match &target.belief {
                 Belief::Gaussian(belief) => SavedBelief::gaussian(belief),
+                Belief::Modal(belief) => SavedBelief::modal(belief),
                 Belief::Cloud(cloud) => SavedBelief::Cloud(cloud.saved()),
             },
         };
@@ -773,9 +860,17 @@ where
                 SavedBelief::Gaussian { time, mean, covariance } => {
                     Belief::Gaussian(SavedBelief::restored(time, mean, covariance)?)
                 }
+                SavedBelief::Modal { time, modes } => {
+                    Belief::Modal(SavedBelief::restored_modes(time, modes)?)
+                }
             };
             if matches!(belief, Belief::Cloud(_)) && self.rules.particles.is_none() {
                 let text = format!("the saved belief of `{name}` is a cloud; this filter has no particles");
+                return Err(Error::Unsupported(text));
+            }
+            let modes = self.rules.modes.as_ref().map(|model| model.modes().len());
+            if modes != belief.modes() {
+                let text = format!("the saved belief of `{name}` has other modes than this filter");
                 return Err(Error::Unsupported(text));
             }
             targets.insert(id, Some(Target { id: name, belief, track, starts, warm_up, degenerate, gated }));

@@ -14,10 +14,11 @@ use crate::config::{Source, TrackConfig};
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
 use crate::run::{Destination, Folder, Record, State, interrupted, listen};
+use input::Input;
 use settings::Settings;
 use std::path::Path;
 use std::time::Instant;
-use work::Workers;
+use work::{Reference, Run, Workers};
 
 /// What all parts of the command are told.
 struct Call<'a> {
@@ -68,22 +69,18 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     listen()?;
     let input = input::read(&call, &settings)?;
     settings.check_sensors(&input.plots)?;
-    let mut rival = settings.rival();
+    let rivals = settings.rivals();
     settings.settle(&input.plots, &input.names(), input.has_height, console)?;
     let mut run = work::follow(&settings.spec(global.seed), &input, &workers, console)?;
     run.check_started(&input)?;
-    if let Some(rival) = &mut rival {
-        rival.settle(&input.plots, &input.names(), input.has_height, console)?;
-    }
-    let spec = rival.as_ref().unwrap_or(&settings).spec(global.seed);
     if !interrupted() && work::has_particles(&settings.spec(global.seed).filter.name) {
-        match (run.against_kalman(&spec, &input, &workers, console), rival) {
-            (Some((reference, other)), Some(mut rival)) if reference.is_better() => {
+        match best_rival(&settings, rivals, &run, &input, &workers, &call)? {
+            Some((reference, Some(mut rival), other)) if reference.is_better() => {
                 rival.prefer(&reference);
                 (settings, run) = (rival, other);
             }
-            (Some((reference, _)), _) => run.reference = Some(reference),
-            (None, _) => {}
+            Some((reference, ..)) => run.reference = Some(reference),
+            None => {}
         }
     }
     if global.explain {
@@ -129,4 +126,35 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     } else {
         Exit::Done
     })
+}
+
+/// The filter of the Kalman family that has most evidence, with its settings where it may take the place of the
+/// particles: one without modes, unless modes are worth more.
+fn best_rival(
+    settings: &Settings,
+    rivals: Option<[Settings; 2]>,
+    run: &Run,
+    input: &Input,
+    workers: &Workers,
+    call: &Call<'_>,
+) -> Result<Option<(Reference, Option<Settings>, Run)>, Diagnostic> {
+    let (console, seed) = (call.console, call.global.seed);
+    let settle = |rival: &mut Settings| rival.settle(&input.plots, &input.names(), input.has_height, console);
+    let against = |filters, spec: &_| run.against_kalman(filters, spec, input, workers, console);
+    let Some([mut plain, mut modal]) = rivals else {
+        let plain = against(work::PLAIN, &settings.spec(seed));
+        return Ok(plain.map(|(reference, run)| (reference, None, run)));
+    };
+    settle(&mut plain)?;
+    let best = against(work::PLAIN, &plain.spec(seed));
+    // A recording may be too short to tell three numbers more.
+    if !interrupted() && settle(&mut modal).is_ok() {
+        let with_modes = against(work::MODAL, &modal.spec(seed));
+        if let Some((reference, run)) = with_modes
+            && best.as_ref().is_none_or(|(plain, _)| reference.is_worth_its_modes(plain))
+        {
+            return Ok(Some((reference, Some(modal), run)));
+        }
+    }
+    Ok(best.map(|(reference, run)| (reference, Some(plain), run)))
 }

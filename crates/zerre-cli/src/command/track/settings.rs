@@ -3,7 +3,8 @@
 use super::work::{Reference, has_particles};
 use crate::args::Track;
 use crate::config::{
-    Effective, Estimate, Generator, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source, TrackConfig,
+    Effective, Estimate, Generator, ModesConfig, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source,
+    TrackConfig,
 };
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
@@ -12,8 +13,8 @@ use zerre::Span;
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
-    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, MotionSpec, Noise, Plot,
-    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, learn,
+    DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, ModeSpec, MotionSpec, Noise, Plot,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_turns, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
@@ -58,6 +59,7 @@ impl Settings {
         }
         let filter = filter(&config, &mut effective)?;
         let motion = motion(&config, &mut effective)?;
+        check_modes(&config, &filter.name, &effective)?;
         let start = start(&config, &mut effective);
         let life = life(&config, &mut effective);
         let input = config.input.settle(&mut effective);
@@ -115,6 +117,9 @@ impl Settings {
                 }
                 Unknown::Sensor(name, noise) => {
                     self.effective.put(&["sensor", name, key(*noise)], value, reason);
+                }
+                Unknown::Stay | Unknown::TurnRate | Unknown::Manoeuvre => {
+                    self.effective.put(&["motion", "modes", mode_key(unknown)], value, reason);
                 }
             }
         }
@@ -175,16 +180,22 @@ impl Settings {
         match unknown {
             Unknown::Motion => format!("{} under [motion]", self.spec.motion.wander().0),
             Unknown::Sensor(name, noise) => format!("{} under [sensor.{name}]", key(*noise)),
+            Unknown::Stay | Unknown::TurnRate | Unknown::Manoeuvre => {
+                format!("{} under [motion.modes]", mode_key(unknown))
+            }
         }
     }
 
-    /// The same for a filter of the Kalman family, if nobody asked for another: its noises are learnt for itself.
-    pub fn rival(&self) -> Option<Settings> {
+    /// The same for filters of the Kalman family without and with modes, if nobody asked for another: noises are learnt
+    /// for the filter that uses them.
+    pub fn rivals(&self) -> Option<[Settings; 2]> {
         let asked = self.config.filter.name.as_deref().is_some_and(|name| name != AUTO);
         (!asked).then(|| {
-            let mut rival = self.clone();
-            rival.spec.filter.name = "ukf".to_owned();
-            rival
+            ["ukf", "imm-ekf"].map(|filter| {
+                let mut rival = self.clone();
+                rival.spec.filter.name = filter.to_owned();
+                rival
+            })
         })
     }
 
@@ -273,6 +284,16 @@ impl Settings {
         if self.spec.motion.wander().1.is_none() {
             unknown.insert(Unknown::Motion);
         }
+        if has_modes(&self.spec.filter.name) {
+            let motion = &self.spec.motion;
+            let turns = has_turns(&motion.model, self.spec.dimensions);
+            let modes = [
+                (Unknown::Stay, motion.modes.stay_s.is_none()),
+                (Unknown::TurnRate, turns && motion.modes.turn_rate_rad_s.is_none()),
+                (Unknown::Manoeuvre, motion.modes.manoeuvre_factor.is_none()),
+            ];
+            unknown.extend(modes.into_iter().filter(|(_, open)| *open).map(|(unknown, _)| unknown));
+        }
         unknown.into_iter().collect()
     }
 }
@@ -301,6 +322,15 @@ fn key(noise: Noise) -> &'static str {
     }
 }
 
+/// Key of a number of the modes in the configuration.
+fn mode_key(unknown: &Unknown) -> &'static str {
+    match unknown {
+        Unknown::Stay => "stay_s",
+        Unknown::TurnRate => "turn_rate_rad_s",
+        _ => "manoeuvre_factor",
+    }
+}
+
 /// A name of a list, checked; `auto` becomes `choice` because `why`.
 fn name_of(
     effective: &mut Effective,
@@ -319,14 +349,16 @@ fn name_of(
 }
 
 fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec, Diagnostic> {
-    let why = "it takes any model; a Kalman filter takes its place where that has clearly more evidence";
-    let name = name_of(
-        effective,
-        &["filter", "name"],
-        ("filter", "filters"),
-        &config.filter.name,
-        ("particle", why),
-    )?;
+    let choice = match config.motion.modes.given().first() {
+        None => {
+            let why = "it takes any model; a Kalman filter, with modes or without, takes its place where that has \
+                       clearly more evidence";
+            ("particle", why)
+        }
+        Some(_) => ("imm-ekf", "modes are told under [motion.modes]"),
+    };
+    let path = ["filter", "name"];
+    let name = name_of(effective, &path, ("filter", "filters"), &config.filter.name, choice)?;
     let mut spec = TrackerSpec::new(&name, "").filter;
     if !has_particles(&name) {
         return Ok(spec);
@@ -390,6 +422,7 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
             .settle_given(&at("turn_acceleration_sd_rad_s2"), &given.turn_acceleration_sd_rad_s2),
         tau_s: effective.settle_given(&at("tau_s"), &given.tau_s),
         turn_rate_sd_rad_s: None,
+        modes: modes(&given.modes, effective),
         model,
     };
     match spec.model.as_str() {
@@ -419,6 +452,24 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         effective.put(&at("acceleration_sd_mps2"), spec.acceleration_sd_mps2, Reason::Chosen(how));
     }
     Ok(spec)
+}
+
+fn modes(given: &ModesConfig, effective: &mut Effective) -> ModeSpec {
+    let at = |key| ["motion", "modes", key];
+    ModeSpec {
+        stay_s: effective.settle_given(&at("stay_s"), &given.stay_s),
+        turn_rate_rad_s: effective.settle_given(&at("turn_rate_rad_s"), &given.turn_rate_rad_s),
+        manoeuvre_factor: effective.settle_given(&at("manoeuvre_factor"), &given.manoeuvre_factor),
+    }
+}
+
+/// Refuses modes that the filter would ignore.
+fn check_modes(config: &TrackConfig, filter: &str, effective: &Effective) -> Result<(), Diagnostic> {
+    let given = config.motion.modes.given();
+    let Some(key) = given.first().filter(|_| !has_modes(filter)) else { return Ok(()) };
+    let text = format!("motion.modes.{key}: the filter `{filter}` has no modes");
+    let refusal = Diagnostic::new(text).help("choose imm-ekf, imm-ukf or imm-kalman, or leave it out");
+    Err(effective.at_key(&["motion", "modes", key], refusal))
 }
 
 /// Refuses a parameter of the motion that this `model` would ignore.
@@ -488,6 +539,22 @@ mod tests {
     use zerre::catalog::MOTIONS;
     use zerre::kernels::{Simd, Threads};
     use zerre::track::Engine;
+
+    /// Modes choose a filter that has them, and are refused by others.
+    #[test]
+    fn modes_are_never_ignored() {
+        let read = |text: &str| {
+            let config = TrackConfig::from_source(&Source::new("f.toml", text.to_owned())).unwrap();
+            let filter = filter(&config, &mut Effective::default()).unwrap().name;
+            let checked = check_modes(&config, &filter, &Effective::default());
+            checked.map(|()| filter).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("[motion.modes]\nstay_s = 5").unwrap(), "imm-ekf");
+        assert_eq!(read("filter = \"imm-ukf\"\n[motion.modes]\nstay_s = 5").unwrap(), "imm-ukf");
+        assert_eq!(read("").unwrap(), "particle");
+        let refused = read("filter = \"ekf\"\n[motion.modes]\nstay_s = 5").unwrap_err();
+        assert!(refused.contains("motion.modes.stay_s: the filter `ekf` has no modes"), "{refused}");
+    }
 
     /// Each parameter that a motion is said to use changes its specification or is needed by it.
     #[test]

@@ -65,6 +65,14 @@ impl Reference {
         (self.log_evidence - self.own) / self.plots.max(1) as f64
     }
 
+    /// Whether modes, of which this is how they fared, are clearly worth their three numbers more against `plain`: the
+    /// evidence grows beyond what fitting them explains (Schwarz 1978), and beyond what may be lost.
+    pub fn is_worth_its_modes(&self, plain: &Reference) -> bool {
+        let plots = self.plots.min(plain.plots).max(1) as f64;
+        let gain = plots * (self.loss_per_plot() - plain.loss_per_plot());
+        gain > (1.5 * plots.ln()).max(TOLERABLE_LOSS * plots)
+    }
+
     /// Whether the particles are too few for these models and this recording.
     pub fn is_better(&self) -> bool {
         self.loss_per_plot() > TOLERABLE_LOSS
@@ -171,18 +179,19 @@ impl Run {
         rows.len() as u64
     }
 
-    /// Runs filters of the Kalman family with `spec` on the same plots: the exact one where the models are linear,
-    /// elsewhere the extended and the unscented one, of which the one with more evidence counts. Gives back how it fared
-    /// and its run.
+    /// Runs `filters` of the Kalman family with `spec` on the same plots: of [`PLAIN`] the exact one where the models are
+    /// linear, elsewhere the extended and the unscented one, of which the one with more evidence counts. Gives back how it
+    /// fared and its run.
     pub fn against_kalman(
         &self,
+        filters: &[&'static str],
         spec: &TrackerSpec,
         input: &Input,
         workers: &Workers,
         console: &Console,
     ) -> Option<(Reference, Run)> {
         let mut best: Option<(Reference, Run)> = None;
-        for filter in ["kalman", "ekf", "ukf"] {
+        for &filter in filters {
             let mut other = spec.clone();
             other.filter.name = filter.to_owned();
             // Models that are not linear are refused by the exact filter.
@@ -207,6 +216,11 @@ impl Run {
         best
     }
 }
+
+/// The filters of the Kalman family without modes.
+pub(super) const PLAIN: &[&str] = &["kalman", "ekf", "ukf"];
+/// The one with modes that stands for them.
+pub(super) const MODAL: &[&str] = &["imm-ekf"];
 
 /// Whether a filter of this name has particles.
 pub(super) fn has_particles(filter: &str) -> bool {

@@ -1,6 +1,6 @@
 //! Ranges: which values have a meaning.
 
-use super::{Geodetic, Robust, SensorConfig, TrackConfig};
+use super::{Geodetic, ModesConfig, Robust, SensorConfig, TrackConfig};
 use crate::config::Problem;
 use zerre::belief::MAX_PARTICLES;
 
@@ -9,6 +9,8 @@ use zerre::belief::MAX_PARTICLES;
 pub(super) const LEAST_SD: f64 = 1e-9;
 /// The largest standard deviation, likewise: of much larger ones products of squares overflow.
 pub(super) const MOST_SD: f64 = 1e9;
+/// The least mean time in a mode, s: the least that [`Chain::sojourns`](zerre::model::Chain::sojourns) takes.
+pub(super) const LEAST_STAY: f64 = 1e-6;
 /// The largest coordinate, metres: far beyond the Moon.
 pub(super) const MOST_COORDINATE: f64 = 1e12;
 
@@ -40,6 +42,7 @@ impl TrackConfig {
         deviation(&motion("a_max_mps2"), m.a_max_mps2)?;
         probability(&motion("p_max"), m.p_max)?;
         probability(&motion("p_0"), m.p_0)?;
+        m.modes.check()?;
 
         probability(&["input", "max_rejected"], self.input.max_rejected)?;
         geodetic(&["input", "origin"], self.input.origin)?;
@@ -57,6 +60,19 @@ impl TrackConfig {
             return Err(problem(&["track", "restart_after_gated"], what));
         }
         self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))
+    }
+}
+
+impl ModesConfig {
+    fn check(&self) -> Result<(), Problem> {
+        let at = |key| ["motion", "modes", key];
+        let stay = |v: f64| (LEAST_STAY..=MOST_SD).contains(&v);
+        let needs = format!("seconds from {LEAST_STAY:e} to {MOST_SD:e} are needed");
+        range(&at("stay_s"), self.stay_s, stay, &needs)?;
+        noise(&at("turn_rate_rad_s"), self.turn_rate_rad_s)?;
+        let factor = |v: f64| (1.0..=MOST_SD).contains(&v);
+        let needs = format!("1 to {MOST_SD:e} is needed: 1 stands for no manoeuvring mode");
+        range(&at("manoeuvre_factor"), self.manoeuvre_factor, factor, &needs)
     }
 }
 

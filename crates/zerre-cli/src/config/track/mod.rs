@@ -16,7 +16,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use zerre::belief::MAX_PARTICLES;
 
-use check::{LEAST_SD, MOST_SD};
+use check::{LEAST_SD, LEAST_STAY, MOST_SD};
 pub use settings::{InputSettings, LifeSettings, ParticleSettings, StartSettings};
 
 /// What `zerre track` can be told. Units are part of the key; a noise that is absent is learnt from the recording.
@@ -102,6 +102,35 @@ pub struct MotionConfig {
     /// Probability of no acceleration.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub p_0: Option<f64>,
+    /// The modes of filters whose names begin with `imm-`; what is absent is learnt from the recording.
+    pub modes: ModesConfig,
+}
+
+/// How a target manoeuvres. The quiet mode is the motion itself, with its noise; each mode lasts as long on average.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModesConfig {
+    /// Mean time in a mode, s.
+    #[schemars(range(min = LEAST_STAY, max = MOST_SD))]
+    pub stay_s: Option<f64>,
+    /// Rate of the turning modes, to the left and to the right, rad/s; 0 for none (constant-velocity in the plane).
+    #[schemars(range(min = 0.0, max = MOST_SD))]
+    pub turn_rate_rad_s: Option<f64>,
+    /// Noise of the manoeuvring mode, in standard deviations of the quiet one; 1 for no such mode.
+    #[schemars(range(min = 1.0, max = MOST_SD))]
+    pub manoeuvre_factor: Option<f64>,
+}
+
+impl ModesConfig {
+    /// The keys that hold a value, as the file writes them.
+    pub fn given(&self) -> Vec<&'static str> {
+        let all = [
+            ("stay_s", self.stay_s),
+            ("turn_rate_rad_s", self.turn_rate_rad_s),
+            ("manoeuvre_factor", self.manoeuvre_factor),
+        ];
+        all.into_iter().filter(|(_, value)| value.is_some()).map(|(key, _)| key).collect()
+    }
 }
 
 /// How the recording is read.
@@ -422,6 +451,10 @@ mod tests {
             ("[motion]\nacceleration_sd_mps2 = 1e300", "f.toml:2:24", "1e300 is out of range"),
             ("[motion]\nturn_rate_rad_s = -1e300", "f.toml:2:19", "1e9 either way"),
             ("[motion]\ntau_s = 0", "f.toml:2:9", "above zero"),
+            ("[motion.modes]\nstay_s = 0", "f.toml:2:10", "0.0 is out of range; seconds from"),
+            ("[motion.modes]\nturn_rate_rad_s = -1", "f.toml:2:19", "zero or a number above it"),
+            ("[motion.modes]\nmanoeuvre_factor = 0.5", "f.toml:2:20", "1 to 1e9 is needed"),
+            ("[motion.modes]\nstay = 5", "f.toml:2:1", "did you mean `stay_s`?"),
             ("[input]\nmax_rejected = nan", "f.toml:2:16", "not a finite number"),
             ("[input]\norigin = { lat_deg = 91, lon_deg = 0 }", "f.toml:2:22", "-90 to 90"),
             ("[input]\norigin = { lat_deg = 1 }", "f.toml:2:10", "lon_deg"),
