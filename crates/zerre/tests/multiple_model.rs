@@ -179,7 +179,8 @@ fn all_sequences_of_modes_are_weighed() {
     }
 }
 
-/// Weights without the chain are those of a chain that has no memory; another first mode is a smaller mistake.
+/// Weights without the chain are those of a chain that has no memory; another first mode is a smaller mistake. The mean of
+/// the survivors is no mistake, but weights that count each measurement twice are one.
 #[test]
 fn a_forgotten_chain_is_found() {
     let settings = || ModalSettings { particles: 2000, ..ModalSettings::default() };
@@ -187,7 +188,6 @@ fn a_forgotten_chain_is_found() {
     assert!(agrees(&linear(forgotten, settings())).is_err());
     let first = chain().with_initial(&[0.3, 0.7]).unwrap();
     assert!(agrees(&linear(first, settings())).is_err());
-    // What the survivors estimate is unbiased too, and the second weighing counts each measurement twice.
     let survivors = || linear(chain(), settings()).with_output(Output::Survivors).unwrap();
     agrees(&survivors()).unwrap();
     for after in [AfterResampling::Recomputed, AfterResampling::RecomputedKept] {
@@ -484,13 +484,34 @@ fn a_selection_leads_the_filter() {
     }
 }
 
+/// A measurement that the one selected mode gives no likelihood calls all modes; where they give none either, it is as if
+/// there had been none.
+#[test]
+fn a_selected_mode_that_explains_nothing_is_not_alone() {
+    let rules = Wsms { threshold: 1e6, threshold_range: (1.0, 1e6), ..Wsms::default() };
+    let filter =
+        linear(chain(), ModalSettings::default()).with_error(Distance).with_selection(rules).unwrap();
+    let mut seen = filter.start(Time::ZERO, Stream::new(8)).unwrap();
+    for k in 1..6 {
+        filter.step(&mut seen, secs(f64::from(k)), Some(&[f64::from(k)])).unwrap();
+    }
+    assert_eq!(seen.models_computed(), 1);
+    let mut unseen = seen.clone();
+    let update = filter.step(&mut seen, secs(6.0), Some(&[1e200])).unwrap();
+    filter.step(&mut unseen, secs(6.0), None).unwrap();
+    assert_eq!((update.outcome, seen.models_computed()), (Outcome::Degenerate, 2));
+    assert_eq!(serde_json::to_string(&seen).unwrap(), serde_json::to_string(&unseen).unwrap());
+    filter.step(&mut seen, secs(7.0), Some(&[7.0])).unwrap();
+    assert_eq!(seen.models_computed(), 1);
+}
+
 #[test]
 fn residuals_are_scaled_and_wrapped() {
     let sensor = RangeBearing::new([0.0; 2], 10.0, 0.1).unwrap();
     let residual = ScaledResidual { sensor, scale: [1e-3, 1.0] };
-    // The target 1 km to the west and a little north; measured 30 m beyond and on the other side of the cut.
+    // The target lies 1 km to the west, at pi; measured 30 m beyond and on the other side of the cut.
     let x = [-1000.0, 0.0, 0.0, 0.0];
-    let error = residual.error(&[1030.0, -3.1].map(|v: f64| v), Time::ZERO, &x);
+    let error = residual.error(&[1030.0, -3.1], Time::ZERO, &x);
     let angle = std::f64::consts::PI - 3.1;
     assert!((error - (0.03f64.powi(2) + angle * angle).sqrt()).abs() < 1e-12);
 }

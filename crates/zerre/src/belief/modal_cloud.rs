@@ -441,3 +441,73 @@ impl<const N: usize> ModalCloud<N> {
         Ok(cloud)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud(shares: &[(usize, f64)]) -> ModalCloud<1> {
+        let n: usize = shares.iter().map(|s| s.0).sum();
+        let column = (0..n).map(|i| i as f64).collect();
+        ModalCloud::from_columns(Time::ZERO, Stream::new(1), &[column], shares).unwrap()
+    }
+
+    /// 600 particles of mode 0, none of mode 1, 3 of mode 2 with three times the weight.
+    #[test]
+    fn particles_stand_by_mode() {
+        let cloud = cloud(&[(600, 0.0), (0, 0.0), (3, 3f64.ln())]);
+        assert_eq!((cloud.len(), cloud.modes(), cloud.blocks.len()), (603, 3, 3));
+        let sum = 600.0 + 9.0;
+        for (i, (mode, w, x)) in cloud.particles().enumerate() {
+            let (expected_mode, expected) = if i < 600 { (0, 1.0) } else { (2, 3.0) };
+            assert!(mode == expected_mode && x == [i as f64]);
+            assert!((w - expected / sum).abs() < 1e-15);
+        }
+        let p: Vec<f64> = cloud.probabilities().collect();
+        assert!((p[0] - 600.0 / sum).abs() < 1e-15 && p[1] == 0.0 && (p[2] - 9.0 / sum).abs() < 1e-15);
+        assert_eq!((cloud.mode_mean(0), cloud.mode_mean(1)), (Some([299.5]), None));
+        assert!((cloud.mode_mean(2).unwrap()[0] - 601.0).abs() < 1e-12);
+        let mean = (600.0 * 299.5 + 9.0 * 601.0) / sum;
+        assert!((cloud.mean()[0] - mean).abs() < 1e-12);
+        // 302 of 609 weights lie below particle 302; the last nine on the last three.
+        assert_eq!(cloud.quantiles(0, [0.0, 302.5 / sum, 1.0]).unwrap(), [0.0, 302.0, 602.0]);
+        assert!(cloud.quantiles(0, [1.5]).is_err());
+    }
+
+    /// Rounding may draw a row of nobody at the end of a segment: it stands for the last particle there.
+    #[test]
+    fn nobody_is_never_drawn() {
+        let mut cloud = cloud(&[(5, 0.0), (0, 0.0), (600, 0.0)]);
+        cloud.ancestors = vec![0, 4, 5, 511, 512, 512 + 599, 512 + 600];
+        cloud.count_ancestors();
+        assert_eq!(cloud.ancestors, [0, 4, 4, 4, 512, 512 + 599, 512 + 599]);
+        assert_eq!((cloud.counts[..3].to_vec(), cloud.survivors()), (vec![4, 0, 3], 7));
+        for simd in Simd::available() {
+            cloud.gather_survivors(simd, &Threads::Serial);
+            assert_eq!(cloud.survivors[0], [0.0, 4.0, 4.0, 4.0, 5.0, 604.0, 604.0]);
+        }
+    }
+
+    #[test]
+    fn what_is_no_cloud_is_refused() {
+        let mut cloud = cloud(&[(2, 0.0), (1, 0.0)]);
+        cloud.ancestors = vec![0, 1, 512];
+        cloud.count_ancestors();
+        let saved = serde_json::to_string(&cloud).unwrap();
+        let load = |text: &str| serde_json::from_str::<ModalCloud<1>>(text);
+        assert_eq!(serde_json::to_string(&load(&saved).unwrap()).unwrap(), saved);
+        for (from, to) in [
+            ("\"segments\":[[0,2],[1,1]]", "\"segments\":[[0,2],[0,1]]"),
+            ("\"segments\":[[0,2],[1,1]]", "\"segments\":[[0,2],[2,1]]"),
+            ("\"segments\":[[0,2],[1,1]]", "\"segments\":[[0,3]]"),
+            ("\"modes\":2", "\"modes\":17"),
+            ("\"weights\":[1.0", "\"weights\":[-1.0"),
+            ("\"survivors\":[0,1,512]", "\"survivors\":[0,1,1024]"),
+            ("\"survivors\":[0,1,512]", "\"survivors\":[1,0,512]"),
+            ("\"survivors\":[0,1,512]", "\"survivors\":[]"),
+        ] {
+            assert!(saved.contains(from), "{saved}");
+            assert!(load(&saved.replace(from, to)).is_err(), "{to}");
+        }
+    }
+}

@@ -196,8 +196,8 @@ where
         MultipleModel { after, ..self }
     }
 
-    /// The same filter with a selection that lets steps compute one mode alone, without the chain. Whatever it chooses,
-    /// the evidence of such a step is that of the chosen mode.
+    /// The same filter with a selection that lets steps compute one mode alone, without the chain. The evidence of such a
+    /// step is that of the chosen mode; a measurement that this mode gives no likelihood calls all of them at once.
     ///
     /// # Errors
     /// No error to select by; rules that are out of range.
@@ -366,17 +366,36 @@ impl<const N: usize> ModalBelief<N> {
 
 /// How the particles of a step come about.
 struct Plan<'a, S> {
-    /// Step of each mode that is computed; none where no time passes.
-    moves: Option<[Option<S>; MAX_MODES]>,
-    /// Logarithms of the chain's probabilities, where it weighs; `jump[i][j]`.
+    /// Step of each mode; none where no time passes.
+    steps: Option<&'a [Option<S>; MAX_MODES]>,
+    /// Logarithms of the chain's probabilities, where there is one: `jump[i][j]`.
     jump: Option<&'a [[f64; MAX_MODES]; MAX_MODES]>,
+    choice: Choice,
 }
 
-impl<S> Plan<'_, S> {
-    /// Survivors that stand before the first one of mode `j`'s segment.
+impl<'a, S> Plan<'a, S> {
+    /// Survivors that stand before the first one of mode `j`'s segment: without time each goes on in its mode.
     fn first(&self, counts: &[u32; MAX_MODES], j: usize) -> usize {
-        if self.moves.is_some() { 0 } else { counts[..j].iter().sum::<u32>() as usize }
+        if self.steps.is_some() { 0 } else { counts[..j].iter().sum::<u32>() as usize }
     }
+
+    fn step(&self, j: usize) -> Option<&'a S> {
+        self.steps.and_then(|steps| steps[j].as_ref())
+    }
+
+    /// The chain weighs the modes against each other where there are several.
+    fn jump(&self) -> Option<&'a [[f64; MAX_MODES]; MAX_MODES]> {
+        self.jump.filter(|_| self.choice == Choice::All)
+    }
+}
+
+/// What came of moving and weighing.
+struct Weighed<const N: usize> {
+    total: Total<N>,
+    /// Particles without a likelihood or a state.
+    not_finite: usize,
+    /// The measurement was taken back, because nothing would have been left.
+    degenerate: bool,
 }
 
 /// Adds the chain's log-probabilities of mode `j` to the scores of the survivors `rows`, which are sorted by mode.
@@ -443,9 +462,8 @@ where
         let ModalSettings { simd, noise: source, ref threads, .. } = self.settings;
         let ModalCloud { stream, step: number, counts, .. } = belief.cloud;
         let cloud = &mut belief.cloud;
-        let streams: [Stream; MAX_MODES] = std::array::from_fn(|j| {
-            if plan.moves.as_ref().is_some_and(|m| m[j].is_some()) { stream_of(stream, j) } else { stream }
-        });
+        let streams: [Stream; MAX_MODES] =
+            std::array::from_fn(|j| if plan.step(j).is_some() { stream_of(stream, j) } else { stream });
         let (segments, survivors) = (&cloud.segments, cloud.survivors.each_ref());
         let carried = (!belief.carried.equal).then_some(&belief.carried.log_weights);
         let states = cloud.states.each_mut().map(Vec::as_mut_slice);
@@ -459,7 +477,7 @@ where
             let mut states = states.map(|column| &mut column[..count]);
             let (scores, weights) = (&mut scores[..count], &mut weights[..count]);
             let from = survivors.map(|column| &column[rows.clone()]);
-            if let Some(step) = plan.moves.as_ref().and_then(|moves| moves[mode].as_ref()) {
+            if let Some(step) = plan.step(mode) {
                 let motion = &self.model.modes()[mode];
                 let mut noise = NoiseBlock::<W>::new();
                 let block = b - segment.first_block;
@@ -477,12 +495,41 @@ where
                 Some(digest) => H::score(digest, simd, &states, scores),
                 None => scores.fill(0.0),
             }
-            if let Some(jump) = plan.jump {
+            if let Some(jump) = plan.jump() {
                 add_jumps(jump, &counts, mode, rows.clone(), scores);
             }
             let carried = carried.map(|log_weights| &log_weights[rows]);
             *sums = kernels::weigh(simd, carried, scores, &states, weights);
         });
+    }
+
+    /// Moves the survivors and weighs them by measurement and chain.
+    fn weigh(
+        &self,
+        belief: &mut ModalBelief<N>,
+        plan: &Plan<'_, A::Step>,
+        digest: Option<&H::Digest<'_>>,
+    ) -> Weighed<N> {
+        let cloud = &mut belief.cloud;
+        let (n, counts) = (cloud.survivors(), cloud.counts);
+        let of = |j| match plan.choice {
+            _ if plan.steps.is_none() => counts[j] as usize,
+            Choice::One(one) if j != one => 0,
+            _ => n,
+        };
+        cloud.lay_out((0..self.model.modes().len()).map(|j| (j, of(j))));
+        belief.models_computed = if plan.steps.is_some() { cloud.segments.len() } else { 0 };
+        self.visit(belief, plan, digest);
+        let total = belief.cloud.total();
+        if total.sum.is_finite()
+            && total.sum > 0.0
+            && total.max < f64::INFINITY
+            && total.sum_states.iter().all(|s| s.is_finite())
+        {
+            return Weighed { total, not_finite: 0, degenerate: false };
+        }
+        let (not_finite, degenerate) = self.mend(belief, plan);
+        Weighed { total: belief.cloud.total(), not_finite, degenerate }
     }
 
     /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there were,
@@ -512,7 +559,7 @@ where
                 if !carried.equal {
                     before.copy_from_slice(&carried.log_weights[survivors.clone()]);
                 }
-                if let Some(jump) = plan.jump {
+                if let Some(jump) = plan.jump() {
                     add_jumps(jump, &counts, segment.mode, survivors, before);
                 }
                 for (row, &before) in rows.clone().zip(before.iter()) {
@@ -677,7 +724,7 @@ where
         if found != expected {
             return Err(Error::Shape { what: "modes of the belief", found, expected });
         }
-        let choice = match (&self.selection, &belief.selector) {
+        let mut choice = match (&self.selection, &belief.selector) {
             (Some(rules), Some(selector)) if z.is_some() && to > from => selector.choose(rules),
             _ => Choice::All,
         };
@@ -686,47 +733,31 @@ where
         {
             return Err(Error::Shape { what: "selected mode", found, expected: modes.len() - 1 });
         }
-        let computed = |j: usize| matches!(choice, Choice::All) || choice == Choice::One(j);
-        let mut moves = None;
+        let mut steps: [Option<A::Step>; MAX_MODES] = std::array::from_fn(|_| None);
         if to > from {
-            let steps: &mut [Option<A::Step>; MAX_MODES] = moves.insert(std::array::from_fn(|_| None));
-            for (j, mode) in modes.iter().enumerate().filter(|&(j, _)| computed(j)) {
-                steps[j] = Some(mode.over(from, to)?);
+            for (step, mode) in steps.iter_mut().zip(modes) {
+                *step = Some(mode.over(from, to)?);
             }
         }
-        let jump = (to > from && choice == Choice::All && modes.len() > 1)
-            .then(|| logarithms(&self.model.chain().over(from, to)));
-        let plan = Plan { moves, jump: jump.as_ref() };
+        let jump = (to > from && modes.len() > 1).then(|| logarithms(&self.model.chain().over(from, to)));
 
-        let cloud = &mut belief.cloud;
-        cloud.step += 1;
-        cloud.time = to;
-        if plan.moves.is_some() {
-            cloud.lay_out((0..modes.len()).filter(|&j| computed(j)).map(|j| (j, n)));
-            belief.models_computed = cloud.segments.len();
-        } else {
-            let counts = cloud.counts;
-            cloud.lay_out(counts.into_iter().map(|count| count as usize).enumerate());
-            belief.models_computed = 0;
+        belief.cloud.step += 1;
+        belief.cloud.time = to;
+        let mut plan = Plan { steps: (to > from).then_some(&steps), jump: jump.as_ref(), choice };
+        let mut weighed = self.weigh(belief, &plan, digest.as_ref());
+        if weighed.degenerate && choice != Choice::All {
+            // The selected mode explains nothing: the others may.
+            choice = Choice::All;
+            plan.choice = choice;
+            weighed = self.weigh(belief, &plan, digest.as_ref());
         }
-        self.visit(belief, &plan, digest.as_ref());
-
-        let mut total = belief.cloud.total();
-        let (mut not_finite, mut degenerate) = (0, false);
-        if !(total.sum.is_finite()
-            && total.sum > 0.0
-            && total.max < f64::INFINITY
-            && total.sum_states.iter().all(|s| s.is_finite()))
-        {
-            (not_finite, degenerate) = self.mend(belief, &plan);
-            total = belief.cloud.total();
-        }
+        let Weighed { total, not_finite, degenerate } = weighed;
         let candidates = belief.cloud.len();
         let mut particles =
             ParticleUpdate { ess: total.ess(), resampled: false, distinct_ancestors: n, not_finite };
         let (outcome, log_evidence) = match digest {
+            _ if degenerate => (Outcome::Degenerate, f64::NEG_INFINITY),
             None => (Outcome::Predicted, 0.0),
-            Some(_) if degenerate => (Outcome::Degenerate, f64::NEG_INFINITY),
             Some(_) => (Outcome::Updated, total.log_sum() - belief.carried.log_sum),
         };
 
@@ -768,17 +799,40 @@ where
         }
 
         if let (Some(rules), Some(selector), Some(z)) = (&self.selection, &mut belief.selector, z)
-            && let Some(error) = &self.error
+            && let (Some(error), Some(mode)) = (&self.error, belief.selected)
             && to > from
+            && outcome == Outcome::Updated
         {
-            let e = if outcome == Outcome::Updated {
-                error.error(z, to, &belief.estimate)
-            } else {
-                // Nothing explains the measurement: all models are needed.
-                f64::INFINITY
-            };
-            selector.record(rules, belief.selected.unwrap_or(0), e);
+            selector.record(rules, mode, error.error(z, to, &belief.estimate));
         }
         Ok(Update { outcome, log_evidence, particles: Some(particles) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// floor(n p) or ceil(n p) each, n in all, nothing without probability, and n p on average: a count that is n p in the
+    /// mean and varies by less than one has a standard deviation of at most 1/2.
+    #[test]
+    fn first_modes_follow_their_law() {
+        let law = [0.31, 0.0, 0.17, 0.52, 0.0];
+        let (n, runs) = (10, 4000);
+        let mut sums = [0.0; 5];
+        for seed in 0..runs {
+            let counts = first_counts(&law, n, Stream::new(seed));
+            assert_eq!(counts.iter().sum::<usize>(), n);
+            for (j, p) in law.iter().enumerate() {
+                let expected = n as f64 * p;
+                let within = expected.floor()..=expected.ceil();
+                assert!(within.contains(&(counts[j] as f64)), "{counts:?}");
+                sums[j] += counts[j] as f64;
+            }
+        }
+        for (j, p) in law.iter().enumerate() {
+            let error = (sums[j] / runs as f64 - n as f64 * p).abs();
+            assert!(error <= 5.0 * 0.5 / (runs as f64).sqrt(), "mode {j}: off by {error}");
+        }
     }
 }

@@ -7,8 +7,8 @@
 //! E[w^2] / N = 1 / ESS); `BIAS` / ESS is allowed for it, where the ESS is the smallest of the run. The exponential of
 //! the log-evidence is unbiased: nothing is allowed there.
 //!
-//! The average of 100 runs has 99 degrees of freedom: beyond Z = 6.2 lies 1.3e-8 of Student's law. There are 36
-//! filters with 10 steps of 15 numbers: 5 400 comparisons, so that a right implementation fails with probability 7e-5.
+//! The average of 100 runs has 99 degrees of freedom: beyond Z = 6.2 lies 1.3e-8 of Student's law. There are some
+//! 60 filters with 10 steps of 15 numbers: 9 000 comparisons, so that a right implementation fails with probability 1e-4.
 
 use crate::list::{Class, Estimates, Means, Run, UnderLaw, filters};
 use crate::worlds::{self, Seen};
