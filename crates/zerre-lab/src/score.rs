@@ -167,7 +167,7 @@ pub struct Scores {
     pub instants: Instants,
     /// Every metric that the estimates allow, in the order of tables; none if no estimate has a true position.
     pub scores: Vec<Score>,
-    /// Tracks of at least [`ENOUGH`](crate::consistency::ENOUGH) estimates that have a true way by identity or for lack
+    /// Tracks of at least [`ENOUGH`] estimates that have a true way by identity or for lack
     /// of a choice, with what they are off by.
     pub offsets: Vec<Offset>,
     /// NEES and coverage without these offsets; `None` where there are none.
