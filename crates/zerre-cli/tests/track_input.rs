@@ -131,7 +131,10 @@ fn every_refusal_names_its_file_and_place() {
     write("deep.csv", "time_s,id,range_m,bearing_deg,elevation_deg\n0,a,1,1,1\n");
     let keys = "acceleration_sd_mps2 under [motion]";
     let cases: [(&str, &[&str]); 12] = [
-        ("one.csv", &["one.csv: 0 measurements are too few", keys, "position_sd_m under [sensor.default]"]),
+        (
+            "one.csv",
+            &["one.csv: no target is measured more than once", keys, "position_sd_m under [sensor.default]"],
+        ),
         ("two.csv", &["two.csv: 2 measurements are too few", keys]),
         ("upper.csv", &["upper.csv: column \"TIME_S\" is not known, \"time_s\" is; did you mean it?"]),
         ("upper-id.csv", &["upper-id.csv, line 2", "the column \"ID\" is not read; did you mean id?"]),
