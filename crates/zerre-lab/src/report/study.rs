@@ -1,6 +1,6 @@
 //! A study on one page: what was asked, tables with intervals, line charts. It needs no network and no script.
 
-use super::svg::{At, Escaped, Range, Ticks, dots, path, readable};
+use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, readable};
 use std::fmt::Write as _;
 
 /// The page.
@@ -287,7 +287,7 @@ fn figure(out: &mut String, figure: &Figure) {
         let _ = write!(
             out,
             "<text x=\"{}\" y=\"{}\">{label}</text>",
-            At(LEFT + x.share(value) * wide),
+            At(inside(LEFT + x.share(value) * wide, &label, 11.0, WIDTH)),
             At(floor + 15.0)
         );
     }
