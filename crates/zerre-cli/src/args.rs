@@ -161,7 +161,8 @@ Examples:
 Input is a table with a header whose names carry units: time_s or time (RFC 3339), then
 x_m y_m | range_m bearing_deg | lat_deg lon_deg ..., and id where targets are identified.
 Outputs in --out: tracks.csv, tracks.parquet, tracks.geojson (geographic input), report.html,
-plan.svg, run.json. Standard input without --json gives rows on standard output and run.json.";
+plan.svg, run.json. Standard input without --json gives rows on standard output and run.json;
+noises that nobody gives are learnt from its first 200 measurements, and no row leaves before.";
 
 /// Follow targets in recorded measurements
 #[derive(Clone, Debug, clap::Args)]
