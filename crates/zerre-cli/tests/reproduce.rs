@@ -174,7 +174,7 @@ fn an_interrupted_run_goes_on_to_the_same_rows() {
         std::thread::sleep(Duration::from_millis(2));
     }
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    assert!(child.wait().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(1));
     let state = |out: &str| -> Value {
         serde_json::from_str(&fs::read_to_string(here.join(out).join("run.json")).unwrap()).unwrap()
     };

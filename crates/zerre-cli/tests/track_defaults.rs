@@ -30,9 +30,9 @@ fn configuration(inside: &Path) -> Value {
     serde_json::from_str::<Value>(&record).unwrap()["config"].clone()
 }
 
-/// Straight lines with normal errors of 5 m: the law of errors is found to be normal, with a deviation within 4 standard
-/// errors, 5 / sqrt(2 * 400), and the innovations consistent. Particles, which collapse where the motion has no noise,
-/// must not decide on it.
+/// Straight lines with normal errors of 5 m: the law of errors is found to be normal, with a deviation within 4
+/// standard errors, 5 / sqrt(2 * 400), and the innovations consistent. Particles, which collapse where the motion has
+/// no noise, must not decide on it.
 #[test]
 fn normal_errors_are_found_normal() {
     for (case, speed) in [0.0, 10.0, 100.0].into_iter().enumerate() {

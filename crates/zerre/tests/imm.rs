@@ -164,8 +164,8 @@ fn identical_modes_stay_identical() {
     }
 }
 
-/// Where the modes move alike, prediction must carry the mean and covariance of the whole as one law, however the modes'
-/// laws differ and mix. The twin that leaves the spread of the means out of the mixing does not.
+/// Where the modes move alike, prediction must carry the mean and covariance of the whole as one law, however the
+/// modes' laws differ and mix. The twin that leaves the spread of the means out of the mixing does not.
 #[test]
 fn mixing_keeps_the_moments_of_the_whole() {
     let model = turns(&[0.3; 2], pair());
@@ -229,8 +229,8 @@ struct History {
     laws: Vec<GaussianBelief<4>>,
 }
 
-/// The exact posterior of a linear world: a Kalman filter for each history. Returns the histories after each step and the
-/// log-evidence of each step.
+/// The exact posterior of a linear world: a Kalman filter for each history. Returns the histories after each step and
+/// the log-evidence of each step.
 fn enumerated(model: &Turns, seen: &[(Time, Option<[f64; 2]>)]) -> Vec<(Vec<History>, f64)> {
     let filters: Vec<_> =
         model.modes().iter().map(|&mode| Kalman::new(mode, camera(), prior()).unwrap()).collect();
@@ -317,9 +317,9 @@ fn enough_hypotheses_are_all_histories() {
     }
 }
 
-/// Over the seeds the mean of exp(evidence) lies within 4 standard errors, taken from the sample, of the exact one; and so
-/// does that of exp(evidence) times the probability of a mode, for which the weights must be right and not only their
-/// sum.
+/// Over the seeds the mean of exp(evidence) lies within 4 standard errors, taken from the sample, of the exact one; and
+/// so does that of exp(evidence) times the probability of a mode, for which the weights must be right and not only
+/// their sum.
 #[test]
 fn few_hypotheses_estimate_the_evidence_without_bias() {
     const SEEDS: u64 = 3000;
@@ -365,8 +365,8 @@ fn few_hypotheses_estimate_the_evidence_without_bias() {
 
 const WEIGHTS: [f64; 12] = [0.3, 0.02, 0.0, 0.11, 0.05, 0.005, 0.2, 0.07, 0.045, 0.1, 0.06, 0.04];
 
-/// The law of a reduction: no hypothesis twice, the sum of the weights kept, and the mean of each weight over many draws
-/// within 4 standard errors, taken from the sample, of what it was. Returns the summed variance of the weights.
+/// The law of a reduction: no hypothesis twice, the sum of the weights kept, and the mean of each weight over many
+/// draws within 4 standard errors, taken from the sample, of what it was. Returns the summed variance of the weights.
 fn unbiased(mut reduce: impl FnMut(u64, &mut Vec<(u32, f64)>)) -> Result<f64, String> {
     const DRAWS: u64 = 40_000;
     let total: f64 = WEIGHTS.iter().sum();
@@ -401,8 +401,8 @@ fn reductions_keep_the_expectation_of_every_weight() {
         unbiased(|step, kept| reduction.reduce(&WEIGHTS, 5, Stream::new(6), step, kept).unwrap()).unwrap()
     };
     let optimal = scatter(Reduction::Optimal);
-    // By hand: 0.3 and 0.2 stay, three of the rest are drawn, c = 0.5 / 3; a weight w below it has variance w (c - w). What is
-    // drawn 40 000 times has its variance within a few parts in sqrt(40 000).
+    // By hand: 0.3 and 0.2 stay, three of the rest are drawn, c = 0.5 / 3; a weight w below it has variance w (c - w).
+    // What is drawn 40 000 times has its variance within a few parts in sqrt(40 000).
     let c = 0.5 / 3.0;
     let expected: f64 = WEIGHTS.iter().filter(|&&w| w < c).map(|w| w * (c - w)).sum();
     assert!((optimal / expected - 1.0).abs() < 0.02, "{optimal} for {expected}");
@@ -452,8 +452,8 @@ fn the_optimal_reduction_keeps_as_many_as_asked_and_none_twice() {
 
 // The interacting models.
 
-/// The interacting multiple-model step as the books print it, on the Kalman filter of each mode; without `spread` the mixed
-/// covariances lack the spread of the means.
+/// The interacting multiple-model step as the books print it, on the Kalman filter of each mode; without `spread` the
+/// mixed covariances lack the spread of the means.
 fn textbook(
     model: &Turns,
     belief: &ModalGaussian<4>,
@@ -490,10 +490,10 @@ fn textbook(
     (ModalGaussian::new(to, weights, laws).unwrap(), evidence.ln())
 }
 
-/// Against all histories: the first transition is exact, because all modes start from one law. Later steps are close. Over
-/// these 50 worlds, with turns of up to 43 degrees between steps, the means differ by a Mahalanobis distance of 0.16 (root mean
-/// square; 0.63 at most) and the probabilities by 0.010 on average; the twin without the spread of the means by 0.27. The
-/// bounds stand a quarter off what was found.
+/// Against all histories: the first transition is exact, because all modes start from one law. Later steps are close.
+/// Over these 50 worlds, with turns of up to 43 degrees between steps, the means differ by a Mahalanobis distance of
+/// 0.16 (root mean square; 0.63 at most) and the probabilities by 0.010 on average; the twin without the spread of the
+/// means by 0.27. The bounds stand a quarter off what was found.
 #[test]
 fn interacting_models_are_close_to_all_histories() {
     let model = turns(&[0.0, 0.5], pair());

@@ -1,5 +1,5 @@
-//! The IMM particle filter against all sequences of modes, one Kalman filter each; the same bits whoever computes; what it
-//! does where nothing is left.
+//! The IMM particle filter against all sequences of modes, one Kalman filter each; the same bits whoever computes; what
+//! it does where nothing is left.
 
 use zerre::belief::{Gaussian, GaussianBelief, ModalCloud};
 use zerre::filter::{Filter, ImmParticle, Kalman, ModalSettings, Outcome, Update};
@@ -119,9 +119,9 @@ fn enumerated(model: &Model) -> Vec<Sums> {
 /// One run of a filter over the script.
 type Run<'a> = &'a dyn Fn(Stream) -> Vec<Sums>;
 
-/// Averages over R runs lie within 5.5 standard errors of the exact values, as the runs themselves show them: beyond lies
-/// 4e-8 of the normal law, and there are fewer than 1300 comparisons. Sums that are exact in every run (no mode but one)
-/// may differ by rounding.
+/// Averages over R runs lie within 5.5 standard errors of the exact values, as the runs themselves show them: beyond
+/// lies 4e-8 of the normal law, and there are fewer than 1300 comparisons. Sums that are exact in every run (no mode
+/// but one) may differ by rounding.
 fn unbiased(model: &Model, run: Run<'_>, runs: u64) -> Result<(), String> {
     let exact = enumerated(model);
     let mut first = vec![[0.0; 9]; SCRIPT.len()];
@@ -183,8 +183,8 @@ fn all_sequences_of_modes_are_weighed() {
     }
 }
 
-/// The filter as it is written down: one particle after the other, every draw a walk over all weights. With `forgets` the
-/// particles of a mode are not weighed by its probability c_j / N_j but all alike.
+/// The filter as it is written down: one particle after the other, every draw a walk over all weights. With `forgets`
+/// the particles of a mode are not weighed by its probability c_j / N_j but all alike.
 fn by_hand(model: &Model, n: usize, forgets: bool, stream: Stream) -> Vec<Sums> {
     let modes = model.modes().len();
     let mut draws = stream.draws(Purpose::Other, 0, 0);

@@ -22,7 +22,8 @@ fn secs(t: f64) -> Time {
     Time::from_secs(t)
 }
 
-/// Time and measurement of each step of the linear world: predictions alone and two measurements at one time among them.
+/// Time and measurement of each step of the linear world: predictions alone and two measurements at one time among
+/// them.
 const SCRIPT: [(f64, Option<f64>); 6] =
     [(1.0, Some(0.9)), (2.0, Some(3.5)), (3.0, None), (4.0, Some(8.0)), (4.0, Some(9.5)), (5.0, Some(9.0))];
 
@@ -147,9 +148,9 @@ fn errors(found: &Known, exact: &Known) -> [f64; 7] {
     ]
 }
 
-/// Averages over 100 seeds lie within 6.2 standard errors of the exact value (beyond lies 1.3e-8 of Student's law with 99
-/// degrees of freedom, and there are 168 comparisons); means and covariances, which are ratios of sums, within 4 / ESS
-/// more, as in the laws of the filters. The exponential of the log-evidence is unbiased: nothing is allowed there.
+/// Averages over 100 seeds lie within 6.2 standard errors of the exact value (beyond lies 1.3e-8 of Student's law with
+/// 99 degrees of freedom, and there are 168 comparisons); means and covariances, which are ratios of sums, within 4 /
+/// ESS more, as in the laws of the filters. The exponential of the log-evidence is unbiased: nothing is allowed there.
 fn agrees(filter: &Linear<std::convert::Infallible>) -> Result<(), String> {
     const RUNS: u64 = 100;
     let runs: Vec<_> = (0..RUNS).map(|r| run(filter, Stream::new(17).fork(r))).collect();
@@ -179,8 +180,8 @@ fn all_sequences_of_modes_are_weighed() {
     }
 }
 
-/// Weights without the chain are those of a chain that has no memory; another first mode is a smaller mistake. The mean of
-/// the survivors is no mistake, but weights that count each measurement twice are one.
+/// Weights without the chain are those of a chain that has no memory; another first mode is a smaller mistake. The mean
+/// of the survivors is no mistake, but weights that count each measurement twice are one.
 #[test]
 fn a_forgotten_chain_is_found() {
     let settings = || ModalSettings { particles: 2000, ..ModalSettings::default() };
@@ -212,8 +213,8 @@ const PLANAR: [(f64, Option<[f64; 2]>); 8] = [
     (4.5, Some([4.0, -2.5])),
 ];
 
-/// Means, weights, states and evidence of a particle filter that resamples after every measurement, bit by bit. Particle
-/// counts are multiples of eight: in the last eight the padding of a segment adds zeros in another order.
+/// Means, weights, states and evidence of a particle filter that resamples after every measurement, bit by bit.
+/// Particle counts are multiples of eight: in the last eight the padding of a segment adds zeros in another order.
 #[test]
 fn one_mode_is_the_particle_filter() {
     let (prior, motion, sensor) = planar();
@@ -374,8 +375,8 @@ fn particles_without_a_likelihood_are_counted_and_left_out() {
     assert!(belief.estimate()[0] > 0.0 && update.log_evidence.is_finite());
 }
 
-/// Mode of the least error, as the thesis says: that of the step before, and its own in the first step. The particles are
-/// those of the other outputs.
+/// Mode of the least error, as the thesis says: that of the step before, and its own in the first step. The particles
+/// are those of the other outputs.
 #[test]
 fn the_third_algorithm_takes_the_mode_that_erred_least_before() {
     let settings = || ModalSettings { particles: 500, ..ModalSettings::default() };
@@ -403,8 +404,9 @@ fn the_third_algorithm_takes_the_mode_that_erred_least_before() {
     assert!(changes > 3 && late == changes, "{changes} {late}");
 }
 
-/// The first algorithm's output is the mean of the survivors, which a step over no time shows; with weights recomputed it
-/// is weighed by the likelihood, and where they are kept the survivors go on with it. Roundings of sums of 700 numbers.
+/// The first algorithm's output is the mean of the survivors, which a step over no time shows; with weights recomputed
+/// it is weighed by the likelihood, and where they are kept the survivors go on with it. Roundings of sums of 700
+/// numbers.
 #[test]
 fn the_first_algorithm_is_the_mean_of_the_survivors() {
     let sensor = Position::<1>::new(SENSOR_SD).unwrap();
@@ -484,8 +486,8 @@ fn a_selection_leads_the_filter() {
     }
 }
 
-/// A measurement that the one selected mode gives no likelihood calls all modes; where they give none either, it is as if
-/// there had been none.
+/// A measurement that the one selected mode gives no likelihood calls all modes; where they give none either, it is as
+/// if there had been none.
 #[test]
 fn a_selected_mode_that_explains_nothing_is_not_alone() {
     let rules = Wsms { threshold: 1e6, threshold_range: (1.0, 1e6), ..Wsms::default() };

@@ -138,7 +138,8 @@ fn multiple_model(args: &Reproduce, options: &Global, console: &Console) -> Resu
         .map_err(|error| Diagnostic::new(error.to_string()))?;
     let rows = results.rows();
     let digest = digest(&rows);
-    for table in results.tables() {
+    let tables = results.tables();
+    for table in &tables {
         folder.write(&format!("{}.csv", table.name), |file| file.write_all(table.csv().as_bytes()))?;
     }
     let page = results.page(&Provenance {
@@ -177,16 +178,16 @@ fn multiple_model(args: &Reproduce, options: &Global, console: &Console) -> Resu
             "runs": request.runs,
             "rows": rows,
             "estimates_digest": digest,
+            "state": record.state,
         }))?;
     }
     console.info(format_args!(
-        "{} cells, {} numbers in {:.1} s: {}",
-        outcomes.len(),
-        rows.len(),
+        "{} tables in {:.1} s: {}",
+        tables.len(),
         record.seconds,
         path.join("report.html").display()
     ));
-    Ok(Exit::Done)
+    Ok(if complete { Exit::Done } else { Exit::CouldNot })
 }
 
 fn explained(config: &Value) -> Result<String, Diagnostic> {

@@ -17,9 +17,9 @@ pub struct Estimate {
 /// Draws of a bootstrap: their quantiles at 2.5 % have a standard error of a twelfth of the interval's own scale.
 const DRAWS: u64 = 2000;
 
-/// Percentile bootstrap over runs (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 13.3). Which runs
-/// a draw takes is fixed at the beginning, so that statistics of several columns, and of several filters on the same
-/// runs, stay paired.
+/// Percentile bootstrap over runs (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 13.3). Which
+/// runs a draw takes is fixed at the beginning, so that statistics of several columns, and of several filters on the
+/// same runs, stay paired.
 #[derive(Clone, Debug)]
 pub struct Bootstrap {
     all: Vec<usize>,
@@ -37,8 +37,8 @@ impl Bootstrap {
         Bootstrap { all: (0..runs).collect(), draws: (0..DRAWS).map(draw).collect() }
     }
 
-    /// `statistic` of all runs with its interval; it gets their numbers, with repetitions. `None` without runs, and where
-    /// it is no number.
+    /// `statistic` of all runs with its interval; it gets their numbers, with repetitions. `None` without runs, and
+    /// where it is no number.
     pub fn estimate(&self, statistic: impl Fn(&[usize]) -> f64) -> Option<Estimate> {
         let value = statistic(&self.all);
         if self.all.is_empty() || !value.is_finite() {
@@ -79,8 +79,8 @@ pub struct Paired {
     pub p_greater: f64,
 }
 
-/// Whether the mean of `differences` exceeds zero (one-sided paired t-test). `None` of fewer than two, and where all are
-/// equal: there is no scale to judge by.
+/// Whether the mean of `differences` exceeds zero (one-sided paired t-test). `None` of fewer than two, and where all
+/// are equal: there is no scale to judge by.
 pub fn paired(differences: &[f64]) -> Option<Paired> {
     let n = differences.len() as f64;
     if differences.len() < 2 {

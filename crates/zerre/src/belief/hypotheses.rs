@@ -7,8 +7,9 @@ use crate::rng::Stream;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 
-/// What is known of a target that moves in one of several modes: hypotheses about the modes so far, each with its weight
-/// and, given it, a Gaussian. The belief of the Rao-Blackwellised filter ([`RaoBlackwell`](crate::filter::RaoBlackwell)).
+/// What is known of a target that moves in one of several modes: hypotheses about the modes so far, each with its
+/// weight and, given it, a Gaussian. The belief of the Rao-Blackwellised filter
+/// ([`RaoBlackwell`](crate::filter::RaoBlackwell)).
 ///
 /// It shows all hypotheses that the last step weighed; the next step goes on from as many as the filter keeps.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -69,8 +70,8 @@ impl<const N: usize> Hypotheses<N> {
     /// The belief of these hypotheses over so many modes; `stream` is what reductions draw from.
     ///
     /// # Errors
-    /// No mode or more than [`MAX_MODES`](crate::model::jump::MAX_MODES), a hypothesis of another mode, weights that are
-    /// negative, not finite or do not sum to 1 within 1e-9.
+    /// No mode or more than [`MAX_MODES`](crate::model::jump::MAX_MODES), a hypothesis of another mode, weights that
+    /// are negative, not finite or do not sum to 1 within 1e-9.
     pub fn new(time: Time, stream: Stream, modes: usize, all: Vec<Hypothesis<N>>) -> Result<Self> {
         count(modes)?;
         let mut sum = 0.0;

@@ -47,8 +47,8 @@ impl<const N: usize> ModalGaussian<N> {
     /// The belief with these probabilities of the modes and, mode by mode, these laws of the state.
     ///
     /// # Errors
-    /// No mode or more than [`MAX_MODES`](crate::model::jump::MAX_MODES), another number of laws, probabilities that are
-    /// negative, not finite or do not sum to 1 within 1e-9.
+    /// No mode or more than [`MAX_MODES`](crate::model::jump::MAX_MODES), another number of laws, probabilities that
+    /// are negative, not finite or do not sum to 1 within 1e-9.
     pub fn new(time: Time, probabilities: Vec<f64>, laws: Vec<Gaussian<N>>) -> Result<Self> {
         crate::model::jump::count(probabilities.len())?;
         law_of(&probabilities, laws.len(), "probabilities of the modes")?;
@@ -95,8 +95,8 @@ impl<const N: usize> ModalGaussian<N> {
 /// The Gaussian with the mean and covariance of a mixture; weights need not be normalised, and parts of weight zero are
 /// not looked at. Parts that are equal give back their own bits.
 ///
-/// Sums are of differences from the heaviest part: what they lose is below the rounding of that part, and the covariance of
-/// the whole is at least its share of that part's.
+/// Sums are of differences from the heaviest part: what they lose is below the rounding of that part, and the
+/// covariance of the whole is at least its share of that part's.
 ///
 /// # Errors
 /// Weights that are all zero, sums that are not finite.

@@ -26,7 +26,8 @@ pub struct ModalCloud<const N: usize> {
     pub(crate) modes: usize,
     /// One segment per mode that has particles, in the order of the modes.
     pub(crate) segments: Vec<Segment>,
-    /// `states[k][row]`, rows as the segments say. Rows that belong to no particle have state 0 and weight 0.
+    /// `states[k][row]`, rows as the segments say. Rows that belong to no particle have weight 0; their states mean
+    /// nothing.
     pub(crate) states: [Vec<f64>; N],
     /// Weights, each block relative to its own maximum.
     pub(crate) weights: Vec<f64>,
@@ -41,7 +42,7 @@ pub struct ModalCloud<const N: usize> {
     pub(crate) counts: [u32; MAX_MODES],
     pub(crate) scratch: Scratch,
     /// Draws that are not yet dealt out to modes, in filters whose modes interact.
-    pub(crate) pool: Vec<u32>,
+    pub(crate) pools: [Vec<u32>; 2],
 }
 
 /// Particles of one mode: rows that begin with a whole block. The rest of the last block belongs to nobody.
@@ -75,8 +76,8 @@ impl Segment {
 }
 
 impl<const N: usize> ModalCloud<N> {
-    /// Particles from columns: `shares[j]` says how many are in mode j, and the log-weight of each of them (up to a common
-    /// constant). The first ones are in mode 0.
+    /// Particles from columns: `shares[j]` says how many are in mode j, and the log-weight of each of them (up to a
+    /// common constant). The first ones are in mode 0.
     pub(crate) fn from_columns(
         at: Time,
         stream: Stream,
@@ -114,7 +115,7 @@ impl<const N: usize> ModalCloud<N> {
             survivors: std::array::from_fn(|_| Vec::new()),
             counts: [0; MAX_MODES],
             scratch: Scratch::default(),
-            pool: Vec::new(),
+            pools: [Vec::new(), Vec::new()],
         };
         cloud.lay_out(shares.iter().map(|&(count, _)| count).enumerate());
         let mut from = 0;
@@ -137,7 +138,7 @@ impl<const N: usize> ModalCloud<N> {
     }
 
     /// Makes room for particles: (mode, number) in the order of the modes; those of number 0 are left out. What stood
-    /// in the rows is lost; rows of nobody are cleared. Nothing is allocated where as many blocks fitted before.
+    /// in the rows is lost; rows of nobody get no weight. Nothing is allocated where as many blocks fitted before.
     pub(crate) fn lay_out(&mut self, shares: impl Iterator<Item = (usize, usize)>) {
         self.segments.clear();
         let mut first_block = 0;
@@ -152,7 +153,6 @@ impl<const N: usize> ModalCloud<N> {
         self.blocks.resize(first_block, BlockSums::default());
         for segment in &self.segments {
             let nobody = segment.rows().end..segment.blocks().end * BLOCK;
-            self.states.iter_mut().for_each(|column| column[nobody.clone()].fill(0.0));
             self.weights[nobody].fill(0.0);
         }
     }
@@ -169,8 +169,8 @@ impl<const N: usize> ModalCloud<N> {
         self.scratch.reserve(rows, n);
     }
 
-    /// Counts the drawn ancestors by mode, after [`Resampling::draw`](crate::resample::Resampling). An ancestor in the rows
-    /// of nobody, which rounding can draw at the very end of a segment, becomes the segment's last particle.
+    /// Counts the drawn ancestors by mode, after [`Resampling::draw`](crate::resample::Resampling). An ancestor in the
+    /// rows of nobody, which rounding can draw at the very end of a segment, becomes the segment's last particle.
     pub(crate) fn count_ancestors(&mut self) {
         self.counts = [0; MAX_MODES];
         let mut start = 0;
@@ -320,7 +320,8 @@ impl<const N: usize> ModalCloud<N> {
         Gaussian::computed("mean of the cloud", "covariance of the cloud", self.mean(), self.covariance())
     }
 
-    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is lost.
+    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is
+    /// lost.
     ///
     /// # Errors
     /// A level outside [0, 1].

@@ -14,16 +14,16 @@ use crate::time::Time;
 /// Kalman filters of one kind in its modes: [`ImmKalman`], [`ImmExtended`], [`ImmUnscented`].
 ///
 /// With probabilities mu_i of the modes before the step and transition probabilities p_ij, mode j has probability
-/// c_j = sum over i of p_ij mu_i, and the laws of the modes that may have led to it are mixed into one Gaussian of the same
-/// mean and covariance: weights p_ij mu_i / c_j, spread of the means included. Each mode is predicted and updated from
-/// there; the evidence L_j of the measurement makes its probability proportional to c_j L_j. That mixture is the one
-/// approximation of its own: with one mode the results are those of the filter in it, and so they are where the mode is
-/// known and never changes.
+/// c_j = sum over i of p_ij mu_i, and the laws of the modes that may have led to it are mixed into one Gaussian of the
+/// same mean and covariance: weights p_ij mu_i / c_j, spread of the means included. Each mode is predicted and updated
+/// from there; the evidence L_j of the measurement makes its probability proportional to c_j L_j. That mixture is the
+/// one approximation of its own: with one mode the results are those of the filter in it, and so they are where the
+/// mode is known and never changes.
 ///
-/// Log-evidence is ln sum c_j L_j. A mode whose update is [`Outcome::Degenerate`] has evidence zero, keeps its predicted law,
-/// and is no error; where this befalls all modes, so is the outcome of the step. A mode that cannot be (c_j = 0) keeps its
-/// own law, predicted only, with probability 0. The gate is applied once, to the innovation of the combined law. A step over
-/// no time changes no mode and mixes nothing.
+/// Log-evidence is ln sum c_j L_j. A mode whose update is [`Outcome::Degenerate`] has evidence zero, keeps its
+/// predicted law, and is no error; where this befalls all modes, so is the outcome of the step. A mode that cannot be
+/// (c_j = 0) keeps its own law, predicted only, with probability 0. The gate is applied once, to the innovation of the
+/// combined law. A step over no time changes no mode and mixes nothing.
 ///
 /// ```
 /// use zerre::belief::Gaussian;

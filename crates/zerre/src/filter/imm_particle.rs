@@ -1,5 +1,5 @@
-//! The interacting-multiple-model particle filter (Blom and Bloem, IEEE Conference on Decision and Control, 2003; 2004):
-//! the same number of particles in every mode, drawn at each step from those of all modes.
+//! The interacting-multiple-model particle filter (Blom and Bloem, IEEE Conference on Decision and Control, 2003;
+//! 2004): the same number of particles in every mode, drawn at each step from those of all modes.
 
 use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, Segment};
 use crate::error::{Error, Result};
@@ -16,15 +16,17 @@ use crate::time::Time;
 /// A particle filter for modes `A` that interact, a sensor `H` and a prior `P`.
 ///
 /// N particles in all, N / X in each of X modes whatever its probability. A step begins with the interaction: for each
-/// mode j that can follow, of predicted probability c_j = sum over i of p_ij mu_i, its N_j particles are drawn from those
-/// of all modes i with weights p_ij w. They are moved under mode j and weighed by c_j / N_j times their likelihood. A
-/// step costs N moves, where [`MultipleModel`](super::MultipleModel) makes X N, and rare modes keep their particles.
+/// mode j that can follow, of predicted probability c_j = sum over i of p_ij mu_i, its N_j particles are drawn from
+/// those of all modes i with weights p_ij w. They are moved under mode j and weighed by c_j / N_j times their
+/// likelihood. A step costs N moves, where [`MultipleModel`](super::MultipleModel) makes X N, and rare modes keep their
+/// particles.
 ///
 /// The evidence is the sum of the weights; its exponential is unbiased. Modes that cannot follow (c_j = 0) get no
-/// particles, the others share them; each gets at least one, so that there may be as many particles as modes where fewer
-/// were asked for. Of a step in which no time passes only the weights change.
+/// particles, the others share them; each gets at least one, so that there may be as many particles as modes where
+/// fewer were asked for. Of a step in which no time passes only the weights change.
 ///
-/// Its updates count the interaction as resampling: [`ParticleUpdate::distinct_ancestors`] are the particles that it drew.
+/// Its updates count the interaction as resampling: [`ParticleUpdate::distinct_ancestors`] are the particles that it
+/// drew.
 #[derive(Clone, Debug)]
 pub struct ImmParticle<const N: usize, const W: usize, A, H, P = Gaussian<N>> {
     prior: P,
@@ -87,8 +89,8 @@ where
         &self.model
     }
 
-    /// The interaction: lays the cloud out anew and writes for each of its rows the row of the old states, which now stand
-    /// in `survivors`. Returns how many of the old particles were drawn.
+    /// The interaction: lays the cloud out anew and writes for each of its rows the row of the old states, which now
+    /// stand in `survivors`. Returns how many of the old particles were drawn.
     fn interact(&self, cloud: &mut ModalCloud<N>, law: &[f64], after: &[f64], jump: &Transition) -> usize {
         let ModalSettings { particles: n, resampling, simd, ref threads, .. } = self.settings;
         let modes = law.len();
@@ -103,15 +105,13 @@ where
             }
         }
         let context = Context { level: simd, threads, stream: cloud.stream, step: cloud.step };
-        let ModalCloud { weights, blocks, segments, ancestors, pool, scratch, .. } = &mut *cloud;
+        let ModalCloud { weights, blocks, segments, ancestors, pools, scratch, .. } = &mut *cloud;
         ancestors.resize(rows, 0);
         let from = Mixture { weights, blocks, segments };
-        resampling.draw_mixture(context, from, &targets[..modes], scratch, pool, ancestors);
-        let old_rows = cloud.weights.len();
+        let drawn = resampling.draw_mixture(context, from, &targets[..modes], scratch, pools, ancestors);
         std::mem::swap(&mut cloud.states, &mut cloud.survivors);
         cloud.lay_out(quotas(n, after).enumerate());
-        let drawn = cloud.segments.iter().flat_map(|s| &cloud.ancestors[s.rows()]).copied();
-        cloud.scratch.count_distinct(old_rows, drawn)
+        drawn
     }
 
     /// Moves and weighs the particles of all segments, out of the survivors.
@@ -147,9 +147,9 @@ where
         });
     }
 
-    /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there were,
-    /// and whether the measurement had to be taken back because nothing would be left of it. Of a lost state nothing may
-    /// enter the sums: it becomes zero.
+    /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there
+    /// were, and whether the measurement had to be taken back because nothing would be left of it. Of a lost state
+    /// nothing may enter the sums: it becomes zero.
     fn mend(&self, cloud: &mut ModalCloud<N>, log_weights: &[f64; MAX_MODES]) -> (usize, bool) {
         let lost = |cloud: &ModalCloud<N>, row: usize| cloud.states.iter().any(|c| !c[row].is_finite());
         let worthless = |score: f64| score.is_nan() || score == f64::INFINITY;
@@ -255,7 +255,7 @@ where
         cloud.scores.reserve(rows.saturating_sub(cloud.scores.len()));
         cloud.blocks.reserve((rows / BLOCK + 1).saturating_sub(cloud.blocks.len()));
         cloud.ancestors.reserve(rows);
-        cloud.pool.reserve(rows);
+        cloud.pools.iter_mut().for_each(|pool| pool.reserve(rows));
         cloud.scratch.reserve(rows, rows);
         Ok(cloud)
     }

@@ -1,5 +1,5 @@
-//! The multiple-model particle filter: every particle moves under every mode, each move is weighed by the measurement and
-//! by the chain of modes, and the joint set is resampled (McGinnity and Irwin, IEEE Transactions on Aerospace and
+//! The multiple-model particle filter: every particle moves under every mode, each move is weighed by the measurement
+//! and by the chain of modes, and the joint set is resampled (McGinnity and Irwin, IEEE Transactions on Aerospace and
 //! Electronic Systems 36(3), 2000; algorithms 1 to 3 of Ucar's thesis, section 4.1).
 
 use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, SavedModalCloud, Segment, load_log, save_log};
@@ -119,12 +119,13 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> ObservationEr
     }
 }
 
-/// A multiple-model particle filter for the modes `A`, a sensor `H`, a prior `P` and, where an output or a selection asks
-/// for it, an [`ObservationError`] `E`.
+/// A multiple-model particle filter for the modes `A`, a sensor `H`, a prior `P` and, where an output or a selection
+/// asks for it, an [`ObservationError`] `E`.
 ///
-/// Each of n particles is moved under each of X modes; the weight of particle i under mode j is its likelihood times the
-/// probability that j follows the particle's mode. The evidence is the mean of these weights over the particles: its
-/// exponential is unbiased. Resampling brings the X n particles back to n, which keep the mode that they were drawn with.
+/// Each of n particles is moved under each of X modes; the weight of particle i under mode j is its likelihood times
+/// the probability that j follows the particle's mode. The evidence is the mean of these weights over the particles:
+/// its exponential is unbiased. Resampling brings the X n particles back to n, which keep the mode that they were drawn
+/// with.
 #[derive(Clone, Debug)]
 pub struct MultipleModel<const N: usize, const W: usize, A, H, E = Infallible, P = Gaussian<N>> {
     prior: P,
@@ -143,7 +144,8 @@ where
     H: Likelihood<N>,
     P: Prior<N>,
 {
-    /// A filter that gives [`Output::Mixture`], with equal weights after resampling, and computes every mode in every step.
+    /// A filter that gives [`Output::Mixture`], with equal weights after resampling, and computes every mode in every
+    /// step.
     ///
     /// # Errors
     /// No or too many particles (the limit is for all modes together).
@@ -196,8 +198,8 @@ where
         MultipleModel { after, ..self }
     }
 
-    /// The same filter with a selection that lets steps compute one mode alone, without the chain. The evidence of such a
-    /// step is that of the chosen mode; a measurement that this mode gives no likelihood calls all of them at once.
+    /// The same filter with a selection that lets steps compute one mode alone, without the chain. The evidence of such
+    /// a step is that of the chosen mode; a measurement that this mode gives no likelihood calls all of them at once.
     ///
     /// # Errors
     /// No error to select by; rules that are out of range.
@@ -444,7 +446,8 @@ pub(crate) fn first_counts(law: &[f64], n: usize, stream: Stream) -> [usize; MAX
     counts
 }
 
-/// Random numbers of mode `j`: the first mode has the belief's own, so that a single mode is an ordinary particle filter.
+/// Random numbers of mode `j`: the first mode has the belief's own, so that a single mode is an ordinary particle
+/// filter.
 pub(crate) fn stream_of(stream: Stream, j: usize) -> Stream {
     const MODE: u64 = 0x6d6f_6465 << 32;
     if j == 0 { stream } else { stream.fork(MODE | j as u64) }
@@ -532,9 +535,9 @@ where
         Weighed { total: belief.cloud.total(), not_finite, degenerate }
     }
 
-    /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there were,
-    /// and whether the measurement had to be taken back because nothing would be left of it: the weights are then those
-    /// of a prediction. Of a lost state nothing may enter the sums: it becomes zero.
+    /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there
+    /// were, and whether the measurement had to be taken back because nothing would be left of it: the weights are then
+    /// those of a prediction. Of a lost state nothing may enter the sums: it becomes zero.
     fn mend(&self, belief: &mut ModalBelief<N>, plan: &Plan<'_, A::Step>) -> (usize, bool) {
         let ModalBelief { cloud, carried, .. } = belief;
         let counts = cloud.counts;
@@ -813,8 +816,8 @@ where
 mod tests {
     use super::*;
 
-    /// floor(n p) or ceil(n p) each, n in all, nothing without probability, and n p on average: a count that is n p in the
-    /// mean and varies by less than one has a standard deviation of at most 1/2.
+    /// floor(n p) or ceil(n p) each, n in all, nothing without probability, and n p on average: a count that is n p in
+    /// the mean and varies by less than one has a standard deviation of at most 1/2.
     #[test]
     fn first_modes_follow_their_law() {
         let law = [0.31, 0.0, 0.17, 0.52, 0.0];

@@ -17,14 +17,14 @@ use std::array::from_fn;
 /// The Rao-Blackwellised filter of a jump-Markov model (Doucet, Gordon and Krishnamurthy, IEEE Transactions on Signal
 /// Processing 49(3), 2001): hypotheses about the history of modes, each with a Kalman filter of one kind or another.
 ///
-/// A step takes every hypothesis through every mode that may follow, multiplies its weight by the transition's probability
-/// and the evidence of the measurement (so that modes are proposed by their own posterior), and shows all of them. The
-/// next one first reduces them to the number that the filter keeps ([`Reduction`]), without bias: exp of the summed
-/// log-evidence has the expectation that no reduction would give. While the number is not exceeded nothing is reduced, and on
-/// linear models the results are exact. Neighbours of equal laws, as at the start, go on as one.
+/// A step takes every hypothesis through every mode that may follow, multiplies its weight by the transition's
+/// probability and the evidence of the measurement (so that modes are proposed by their own posterior), and shows all
+/// of them. The next one first reduces them to the number that the filter keeps ([`Reduction`]), without bias: exp of
+/// the summed log-evidence has the expectation that no reduction would give. While the number is not exceeded nothing
+/// is reduced, and on linear models the results are exact. Neighbours of equal laws, as at the start, go on as one.
 ///
-/// A pair of hypothesis and mode whose update is [`Outcome::Degenerate`] has evidence zero; where this befalls all, so is the
-/// outcome of the step. The gate is applied once, to the innovation of the combined law.
+/// A pair of hypothesis and mode whose update is [`Outcome::Degenerate`] has evidence zero; where this befalls all, so
+/// is the outcome of the step. The gate is applied once, to the innovation of the combined law.
 ///
 /// ```
 /// use zerre::belief::Gaussian;
@@ -63,8 +63,8 @@ where
     A: Motion<N, W>,
     H: GaussianMeasurement<N, M>,
 {
-    /// The filter of these models, started from `prior` in every mode, which keeps at most so many `hypotheses` and reduces
-    /// them by [`Reduction::Optimal`].
+    /// The filter of these models, started from `prior` in every mode, which keeps at most so many `hypotheses` and
+    /// reduces them by [`Reduction::Optimal`].
     ///
     /// # Errors
     /// Models or parameters that the `transform` does not hold for; no hypothesis, or so many that with all modes they
@@ -135,8 +135,8 @@ where
     }
 }
 
-/// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many hypotheses to
-/// keep, their reduction, and the squared distance of the gate.
+/// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many hypotheses
+/// to keep, their reduction, and the squared distance of the gate.
 pub(crate) fn step_with<T, A, H, const N: usize, const W: usize, const M: usize>(
     transform: &T,
     model: &JumpMarkov<A>,

@@ -1,5 +1,5 @@
-//! Which model to compute next: weighted statistical model selection, the rule that lets a multiple-model filter move its
-//! particles under one model while that model explains the measurements.
+//! Which model to compute next: weighted statistical model selection, the rule that lets a multiple-model filter move
+//! its particles under one model while that model explains the measurements.
 //!
 //! The models chosen last vote, the newer the louder; the model with the most votes is computed alone. An error above a
 //! threshold calls all models back. The number of votes and the threshold follow the errors. Nothing here knows of
@@ -27,8 +27,8 @@ pub struct Wsms {
     pub threshold: f64,
     /// Smallest and largest threshold: 0.035 and 0.07 by default; an infinite bound is allowed above.
     pub threshold_range: (f64, f64),
-    /// So many steps at the start compute all models and leave the threshold alone; by default (`None`) as many as there
-    /// are models.
+    /// So many steps at the start compute all models and leave the threshold alone; by default (`None`) as many as
+    /// there are models.
     pub warm_up: Option<u64>,
     /// How window and threshold follow the errors.
     pub rule: Rule,
@@ -46,8 +46,8 @@ pub enum Rule {
         /// Factor of the threshold, 1.1 in [`Rule::semi_dynamic`]; at least 1.
         threshold_factor: f64,
     },
-    /// By the error: the window shrinks (e > tau) or grows (else) by e / tau, rounded, halves away from zero; the threshold
-    /// becomes e where e is less than the error before.
+    /// By the error: the window shrinks (e > tau) or grows (else) by e / tau, rounded, halves away from zero; the
+    /// threshold becomes e where e is less than the error before.
     Dynamic,
 }
 
@@ -76,7 +76,8 @@ impl Wsms {
     /// Whether the numbers make sense together.
     ///
     /// # Errors
-    /// A range that is empty or out of bounds, a start outside its range, a factor below 1, a number that is not finite.
+    /// A range that is empty or out of bounds, a start outside its range, a factor below 1, a number that is not
+    /// finite.
     pub fn check(&self) -> Result<()> {
         let within = |what, value, needs, good| {
             Error::finite(what, value)?;
@@ -168,9 +169,9 @@ impl Selector {
         newest.map_or(Choice::All, |&model| Choice::One(usize::from(model)))
     }
 
-    /// Takes in what a step came to: the model it selected (the one computed, or of all the one with the least error) and
-    /// the error of its output. An error that is not finite says nothing but that all models are needed: it moves neither
-    /// window nor threshold.
+    /// Takes in what a step came to: the model it selected (the one computed, or of all the one with the least error)
+    /// and the error of its output. An error that is not finite says nothing but that all models are needed: it moves
+    /// neither window nor threshold.
     ///
     /// # Panics
     /// If there is no such model.
@@ -369,8 +370,8 @@ mod tests {
         assert_eq!(selector.choose(&rules), Choice::One(1));
     }
 
-    /// Window and threshold after each of the errors, worked out by hand. Two models: the threshold moves from step 3 on,
-    /// as the window does.
+    /// Window and threshold after each of the errors, worked out by hand. Two models: the threshold moves from step 3
+    /// on, as the window does.
     #[test]
     fn the_semi_dynamic_rule_step_by_step() {
         let rules = Wsms::default();
@@ -540,8 +541,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the errors: window and threshold stay in their ranges, the choice is a model, and a selection that was
-        /// saved and loaded goes on as the other.
+        /// Whatever the errors: window and threshold stay in their ranges, the choice is a model, and a selection that
+        /// was saved and loaded goes on as the other.
         #[test]
         fn ranges_hold_for_any_errors(
             dynamic: bool,

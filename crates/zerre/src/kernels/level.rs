@@ -39,7 +39,16 @@ impl Simd {
 
     /// The fastest level that this processor has.
     pub fn best() -> Simd {
-        Simd::available().last().copied().unwrap_or_else(Simd::scalar)
+        let best = Level::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            let avx512 = best.as_avx512().map(Kind::Avx512);
+            avx512.or_else(|| best.as_avx2().map(Kind::Avx2)).map_or_else(Simd::scalar, Simd)
+        }
+        #[cfg(target_arch = "aarch64")]
+        return best.as_neon().map(Kind::Neon).map_or_else(Simd::scalar, Simd);
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        Simd::scalar()
     }
 
     /// The level called `name` (`scalar`, `avx2`, `avx512`, `neon`) if this processor has it.

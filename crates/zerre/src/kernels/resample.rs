@@ -387,63 +387,80 @@ pub(crate) fn expand_copies(level: Simd, counts: &[u32], first: u32, out: &mut [
     (used, write_runs(level, ends, first, &mut out[..used]))
 }
 
-/// For each of the sorted `positions` (times `scale`) the first `i` such that it lies below `cumulative[i]`, or the
-/// last `i` if there is none. Both slices end with an infinity that is not part of the data.
+/// For each of the sorted `positions` (times `scale`) the first `i` such that it lies below `cumulative[i]`; beyond the
+/// last sum, where rounding may put it, the first `i` that reaches that sum. Neither slice is empty. Returns how many
+/// different ones there are.
 ///
-/// Free of branches that depend on the data; several merges run side by side, because each waits for its own loads.
-pub(crate) fn merge_sorted(cumulative: &[f64], positions: &[f64], scale: f64, out: &mut [u32]) {
-    const WAYS: usize = 4;
-    let (n, m) = (cumulative.len() - 1, positions.len() - 1);
-    let border = |q: usize| q * n / WAYS;
-    // Where the positions of each part begin; a part without weights has none.
-    let mut begin = [0; WAYS + 1];
-    begin[WAYS] = m;
-    for (q, begin) in begin.iter_mut().enumerate().take(WAYS).skip(1) {
-        let below = if border(q) == 0 { 0.0 } else { cumulative[border(q) - 1] };
-        *begin = positions[..m].partition_point(|p| p * scale < below);
-    }
-    let mut at: [(usize, usize); WAYS] = std::array::from_fn(|q| (border(q), begin[q]));
-    let steps: [usize; WAYS] =
-        std::array::from_fn(|q| (border(q + 1) - border(q)) + (begin[q + 1] - begin[q]));
-    let together = steps.iter().copied().min().unwrap_or(0);
-    for _ in 0..together {
-        for (i, j) in &mut at {
-            merge_step(cumulative, positions, scale, out, i, j);
-        }
-    }
-    for (q, (i, j)) in at.iter_mut().enumerate() {
-        for _ in together..steps[q] {
-            merge_step(cumulative, positions, scale, out, i, j);
-        }
-    }
-    // A part that is done writes once more, to the first place of the next part.
-    for q in 1..WAYS {
-        if begin[q] < m {
-            let target = positions[begin[q]] * scale;
-            out[begin[q]] = cumulative[..n].partition_point(|&c| c <= target).min(n - 1) as u32;
-        }
-    }
-    // Positions beyond the last sum, by rounding, belong to the last weight.
-    for a in out.iter_mut().rev().take_while(|a| **a as usize >= n) {
-        *a = (n - 1) as u32;
-    }
-}
-
-#[inline(always)]
-fn merge_step(
+/// A merge by eights: all of eight sums are compared with all of eight positions, and whichever eight ends first gives
+/// way to the next. That is more comparisons than a merge one by one, but hardly a branch, and none waits for another.
+pub(crate) fn merge_sorted(
+    level: Simd,
     cumulative: &[f64],
     positions: &[f64],
     scale: f64,
     out: &mut [u32],
-    i: &mut usize,
-    j: &mut usize,
-) {
-    let falls = positions[*j] * scale < cumulative[*i];
-    if let Some(out) = out.get_mut(*j) {
-        *out = *i as u32;
+) -> usize {
+    #[inline(always)]
+    fn run<S: Token>(simd: S, cumulative: &[f64], positions: &[f64], scale: f64, out: &mut [u32]) -> usize {
+        let (eights, rest) = cumulative.as_chunks::<LANES>();
+        let mut tail = [f64::INFINITY; LANES];
+        tail[..rest.len()].copy_from_slice(rest);
+        let one = u64x8::splat(simd, 1);
+        let mut passed = 0;
+        let mut sums = eights.first().unwrap_or(&tail);
+        for (positions, out) in positions.chunks(LANES).zip(out.chunks_mut(LANES)) {
+            let last = positions[positions.len() - 1] * scale;
+            let targets = match <&[f64; LANES]>::try_from(positions) {
+                Ok(eight) => Lanes::load(simd, eight),
+                Err(_) => load_zeros(simd, positions),
+            } * scale;
+            let mut ranks = u64x8::splat(simd, (passed * LANES) as u64);
+            loop {
+                for &sum in sums {
+                    let reached = simd.simd_le_f64x8(f64x8::splat(simd, sum), targets.0);
+                    ranks = reached.select(ranks + one, ranks);
+                }
+                // The last eight end with an infinity.
+                if sums[LANES - 1] > last || passed == eights.len() {
+                    break;
+                }
+                passed += 1;
+                sums = eights.get(passed).unwrap_or(&tail);
+            }
+            let ranks: [u64; LANES] = ranks.into();
+            for (out, rank) in out.iter_mut().zip(ranks) {
+                *out = rank as u32;
+            }
+        }
+        distinct(out)
     }
-    *j += usize::from(falls);
-    *i += usize::from(!falls);
+    #[inline(always)]
+    fn distinct(ascending: &[u32]) -> usize {
+        1 + ascending.windows(2).filter(|pair| pair[0] != pair[1]).count()
+    }
+    fn naive(cumulative: &[f64], positions: &[f64], scale: f64, out: &mut [u32]) -> usize {
+        let mut i = 0;
+        for (position, out) in positions.iter().zip(&mut *out) {
+            while cumulative.get(i).is_some_and(|&sum| sum <= position * scale) {
+                i += 1;
+            }
+            *out = i as u32;
+        }
+        distinct(out)
+    }
+    let mut drawn = dispatch!(
+        level,
+        simd => run(simd, cumulative, positions, scale, out),
+        naive => naive(cumulative, positions, scale, out)
+    );
+    let nobody = cumulative.len() as u32;
+    if out.last() == Some(&nobody) {
+        let start = out.partition_point(|&a| a < nobody);
+        let heir = cumulative.partition_point(|&sum| sum < cumulative[cumulative.len() - 1]) as u32;
+        drawn -= usize::from(start > 0 && out[start - 1] == heir);
+        out[start..].fill(heir);
+    }
+    drawn
 }
 
 /// Sum of weights and whether all of them are at least zero (false for NaN).
@@ -515,29 +532,38 @@ mod tests {
 
     #[test]
     fn merging_is_searching_for_each_position() {
-        for case in 0..60 {
+        for case in 0..200 {
             let mut draws = draws(1000 + case);
             let mut rising = |n: usize, zeros: bool| {
                 let mut sum = 0.0;
                 let mut sums: Vec<f64> = Vec::new();
                 for _ in 0..n {
-                    sum += if zeros && draws.next_u32().is_multiple_of(3) { 0.0 } else { draws.uniform() };
+                    // Now and then sums that leap over many positions.
+                    let leap = if draws.next_u32().is_multiple_of(16) { 20.0 } else { 1.0 };
+                    let stays = zeros && draws.next_u32().is_multiple_of(3);
+                    sum += if stays { 0.0 } else { leap * draws.uniform() };
                     sums.push(sum);
                 }
-                sums.push(f64::INFINITY);
                 (sums, sum)
             };
-            let (cumulative, total) = rising(1 + case as usize * 7 % 50, true);
-            let (positions, last) = rising(case as usize * 11 % 70, false);
-            let scale = if last > 0.0 { 0.999 * total / last } else { 1.0 };
-            let n = cumulative.len() - 1;
-            let by_search: Vec<u32> = positions[..positions.len() - 1]
+            let (mut cumulative, total) = rising(1 + case as usize * 7 % 50, true);
+            // A weight of nothing at the end, which not even rounding may draw.
+            cumulative.push(total);
+            let (positions, last) = rising(1 + case as usize * 11 % 70, false);
+            // In half of the cases the last positions lie beyond all weights.
+            let scale = if case % 2 == 0 { 0.999 } else { 1.05 } * total / last;
+            let heir = cumulative.partition_point(|&c| c < total);
+            let by_search: Vec<u32> = positions
                 .iter()
-                .map(|p| cumulative[..n].partition_point(|&c| c <= p * scale).min(n - 1) as u32)
+                .map(|p| cumulative.partition_point(|&c| c <= p * scale).min(heir) as u32)
                 .collect();
-            let mut merged = vec![0; by_search.len()];
-            merge_sorted(&cumulative, &positions, scale, &mut merged);
-            assert_eq!(merged, by_search, "case {case}");
+            for level in Simd::available() {
+                let mut merged = vec![0; by_search.len()];
+                let drawn = merge_sorted(level, &cumulative, &positions, scale, &mut merged);
+                assert_eq!(merged, by_search, "case {case} {level:?}");
+                merged.dedup();
+                assert_eq!(drawn, merged.len(), "case {case} {level:?}");
+            }
         }
     }
 

@@ -63,7 +63,16 @@ impl<const N: usize> Total<N> {
 impl<const N: usize> BlockSums<N> {
     /// What turns the block's weights into weights relative to `max`.
     pub(crate) fn factor(&self, max: f64) -> f64 {
-        if self.max == f64::NEG_INFINITY { 0.0 } else { Real::exp(self.max - max) }
+        /// Compiled for the processor at hand: scalar code for all processors has no fused multiplication.
+        #[inline(always)]
+        fn exp<T>(x: f64, _: T) -> f64 {
+            Real::exp(x)
+        }
+        if self.max == f64::NEG_INFINITY {
+            return 0.0;
+        }
+        let x = self.max - max;
+        dispatch!(Simd::best(), simd => exp(x, simd), naive => exp(x, ()))
     }
 }
 

@@ -1,9 +1,9 @@
-//! Resampling for modes that interact: the new particles of a mode come from those of all modes, each mode with a share of
-//! its own.
+//! Resampling for modes that interact: the new particles of a mode come from those of all modes, each mode with a share
+//! of its own.
 //!
 //! No new mode needs a pass over all old particles. The old particles of a mode are resampled once, for all new modes
-//! together, and the draws are dealt out: each new mode gets every so-manieth of those that are left. A draw is as likely
-//! to go to a new mode as any other of its old mode, so that the copies of a particle keep their expectation.
+//! together, and the draws are dealt out: each new mode gets every so-manieth of those that are left. A draw is as
+//! likely to go to a new mode as any other of its old mode, so that the copies of a particle keep their expectation.
 
 use super::{BlockWeights, Context, Resampling, Scratch};
 use crate::belief::Segment;
@@ -19,8 +19,8 @@ pub(crate) struct Mixture<'a, const N: usize> {
     pub(crate) segments: &'a [Segment],
 }
 
-/// A new mode: how many particles it gets, where they go, and the share that each old mode (not segment) has in them. The
-/// shares sum to 1; a mode without weight has none.
+/// A new mode: how many particles it gets, where they go, and the share that each old mode (not segment) has in them.
+/// The shares sum to 1; a mode without weight has none.
 #[derive(Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) len: usize,
@@ -29,44 +29,51 @@ pub(crate) struct Target {
 }
 
 impl Resampling {
-    /// Draws the rows of the particles of all `targets` from a mixture: row p of an old mode i of weights w gets on average
-    /// len * shares\[i\] * w_p / sum(w) places in a target. They ascend. `pool` is memory.
+    /// Draws the rows of the particles of all `targets` from a mixture: row p of an old mode i of weights w gets on
+    /// average len * shares\[i\] * w_p / sum(w) places in a target. They ascend. `pools` is memory. Returns how many
+    /// rows were drawn at least once.
     pub(crate) fn draw_mixture<const N: usize>(
         self,
         context: Context<'_>,
         from: Mixture<'_, N>,
         targets: &[Target],
         scratch: &mut Scratch,
-        pool: &mut Vec<u32>,
+        pools: &mut [Vec<u32>; 2],
         ancestors: &mut [u32],
-    ) {
+    ) -> usize {
         let (mut counts, mut phases) = ([[0; MAX_MODES]; MAX_MODES], [[0.0; MAX_MODES]; MAX_MODES]);
+        let modes = from.segments.last().map_or(0, |segment| segment.mode + 1);
         for (j, target) in targets.iter().enumerate() {
             let mut draws = context.stream.draws(Purpose::Mode, context.step, j as u32);
             counts[j] = grid_counts(&target.shares, target.len, draws.uniform());
-            phases[j].iter_mut().for_each(|phase| *phase = draws.uniform());
+            phases[j][..modes].iter_mut().for_each(|phase| *phase = draws.uniform());
         }
         let mut places: [usize; MAX_MODES] =
             std::array::from_fn(|j| targets.get(j).map_or(0, |target| target.first));
+        let mut drawn = 0;
         for segment in from.segments {
             let i = segment.mode;
             let len: usize = counts.iter().map(|counts| counts[i]).sum();
             let Some(most) = (0..targets.len()).max_by_key(|&j| counts[j][i]).filter(|_| len > 0) else {
                 continue;
             };
-            pool.resize(len, 0);
+            pools.iter_mut().for_each(|pool| pool.resize(len, 0));
+            let [pool, other] = &mut *pools;
             let context = Context { step: context.step * MAX_MODES as u64 + i as u64, ..context };
-            draw_segment(self, context, from, segment, scratch, pool);
+            drawn += draw_segment(self, context, from, segment, scratch, pool);
             // Whoever gets most gets what is left: nothing has to be picked for it.
-            let mut left = pool.as_mut_slice();
-            for j in (0..targets.len()).filter(|&j| j != most).chain([most]) {
-                let count = counts[j][i];
-                let out = &mut ancestors[places[j]..places[j] + count];
-                places[j] += count;
-                let kept = deal(left, phases[j][i], out);
-                left = &mut std::mem::take(&mut left)[..kept];
+            let (mut left, mut other) = (pool.as_mut_slice(), other.as_mut_slice());
+            for j in (0..targets.len()).filter(|&j| j != most && counts[j][i] > 0) {
+                let out = &mut ancestors[places[j]..places[j] + counts[j][i]];
+                places[j] += out.len();
+                let rest = left.len() - out.len();
+                deal(left, phases[j][i], out, &mut other[..rest]);
+                (left, other) = (&mut other[..rest], left);
             }
+            ancestors[places[most]..places[most] + left.len()].copy_from_slice(left);
+            places[most] += left.len();
         }
+        drawn
     }
 }
 
@@ -85,7 +92,7 @@ fn grid_counts(shares: &[f64; MAX_MODES], len: usize, offset: f64) -> [usize; MA
     counts
 }
 
-/// Rows of a segment, as many as `rows` is long.
+/// Rows of a segment, as many as `rows` is long; returns how many different ones.
 fn draw_segment<const N: usize>(
     scheme: Resampling,
     context: Context<'_>,
@@ -93,49 +100,45 @@ fn draw_segment<const N: usize>(
     segment: &Segment,
     scratch: &mut Scratch,
     rows: &mut [u32],
-) {
+) -> usize {
     let blocks = &from.blocks[segment.blocks()];
     let max = blocks.iter().map(|b| b.max).fold(f64::NEG_INFINITY, f64::max);
     let pairs = scratch.pairs(blocks, max);
     let weights = BlockWeights { weights: &from.weights[segment.rows()], blocks: &pairs };
-    scheme.draw(context, weights, scratch, rows);
+    let drawn = scheme.draw(context, weights, scratch, rows);
     scratch.return_pairs(pairs);
     let first = (segment.first_block * BLOCK) as u32;
     rows.iter_mut().for_each(|row| *row += first);
+    drawn
 }
 
-/// Moves as many entries as `out` is long from `pool` to it: those on an even grid, so that each entry is as likely as any
-/// other; `phase` is uniform on (0, 1). Closes the gaps; returns how many are left.
-fn deal(pool: &mut [u32], phase: f64, out: &mut [u32]) -> usize {
-    let (len, count) = (pool.len(), out.len());
-    if count == len {
-        out.copy_from_slice(pool);
-        return 0;
-    }
-    let stride = len as f64 / count as f64;
+/// Deals as many entries of `pool` as `out` is long to it, those on an even grid, so that each entry is as likely as
+/// any other, and the others to `rest`; `phase` is uniform on (0, 1).
+fn deal(pool: &[u32], phase: f64, out: &mut [u32], rest: &mut [u32]) {
+    /// Entries that are copied at once, wanted or not: the next copy overwrites what is too much.
+    const AT_ONCE: usize = 8;
+    let (mut grid, stride) = grid_of(pool.len(), out.len(), phase);
     let (mut kept, mut begin) = (0, 0);
-    for (s, out) in out.iter_mut().enumerate() {
-        // The next one of the grid; by rounding never one that is taken, nor one too late for the rest.
-        let at = (((s as f64 + phase) * stride) as usize).clamp(begin, len - (count - s));
+    for out in out {
+        let at = (grid >> 32) as usize;
+        grid += stride;
         *out = pool[at];
-        pool.copy_within(begin..at, kept);
-        kept += at - begin;
+        let run = at - begin;
+        match (pool[begin..].first_chunk::<AT_ONCE>(), rest[kept..].first_chunk_mut::<AT_ONCE>()) {
+            (Some(from), Some(to)) if run <= AT_ONCE => *to = *from,
+            _ => rest[kept..kept + run].copy_from_slice(&pool[begin..at]),
+        }
+        kept += run;
         begin = at + 1;
     }
-    pool.copy_within(begin..len, kept);
-    len - count
+    rest[kept..].copy_from_slice(&pool[begin..]);
 }
 
-impl Scratch {
-    /// How many different rows, of `rows` in all, the `ancestors` name.
-    pub(crate) fn count_distinct(&mut self, rows: usize, ancestors: impl Iterator<Item = u32>) -> usize {
-        let marks = &mut self.copies;
-        marks.clear();
-        marks.resize(rows, 0);
-        // A store each, and no load that would wait for the store before.
-        ancestors.for_each(|a| marks[a as usize] = 1);
-        marks.iter().sum::<u32>() as usize
-    }
+/// The first point of an even grid of `count` points on `len` places and the distance to the next, both times 2^32. The
+/// distance is at least one place, so that no two points share one.
+fn grid_of(len: usize, count: usize, phase: f64) -> (u64, u64) {
+    let stride = ((len as u64) << 32) / count as u64;
+    (((phase * stride as f64) as u64).min(stride - 1), stride)
 }
 
 #[cfg(test)]
@@ -147,8 +150,8 @@ mod tests {
     const SCHEMES: [Resampling; 4] =
         [Resampling::Systematic, Resampling::Stratified, Resampling::Multinomial, Resampling::Residual];
 
-    /// Segments of the given lengths with uneven weights, some of them zero, and targets with the shares that chance gives
-    /// them; a mode without weight has none.
+    /// Segments of the given lengths with uneven weights, some of them zero, and targets with the shares that chance
+    /// gives them; a mode without weight has none.
     struct Case {
         weights: Vec<f64>,
         blocks: Vec<BlockSums<1>>,
@@ -194,19 +197,20 @@ mod tests {
             let context = Context { level, threads, stream: Stream::new(9), step };
             let from = Mixture { weights: &self.weights, blocks: &self.blocks, segments: &self.segments };
             let mut ancestors = vec![u32::MAX; self.draws];
-            let (mut scratch, mut pool) = (Scratch::default(), Vec::new());
-            scheme.draw_mixture(context, from, &self.targets, &mut scratch, &mut pool, &mut ancestors);
+            let (mut scratch, mut pools) = (Scratch::default(), [Vec::new(), Vec::new()]);
+            let (targets, out) = (&self.targets, &mut ancestors);
+            let drawn = scheme.draw_mixture(context, from, targets, &mut scratch, &mut pools, out);
+            let different: std::collections::BTreeSet<_> = out.iter().collect();
+            assert_eq!(drawn, different.len(), "{scheme:?}");
             ancestors
         }
     }
 
     /// The twin deals by marks: nothing is moved, and every draw walks over all entries that are left.
     fn dealt_by_hand(pool: &[u32], phase: f64, count: usize) -> (Vec<u32>, Vec<u32>) {
-        let stride = pool.len() as f64 / count as f64;
-        let mut is_taken = vec![count == pool.len(); pool.len()];
-        for s in 0..count {
-            is_taken[(((s as f64 + phase) * stride) as usize).min(pool.len() - 1)] = true;
-        }
+        let (first, stride) = grid_of(pool.len(), count, phase);
+        let mut is_taken = vec![false; pool.len()];
+        (0..count as u64).for_each(|s| is_taken[((first + s * stride) >> 32) as usize] = true);
         let of = |taken: bool| pool.iter().zip(&is_taken).filter(|p| *p.1 == taken).map(|p| *p.0).collect();
         (of(true), of(false))
     }
@@ -215,14 +219,13 @@ mod tests {
     fn dealing_gives_the_entries_of_its_twin() {
         let mut draws = Stream::new(2).draws(Purpose::Other, 0, 0);
         for len in [1, 2, 3, 10, 511, 1250] {
-            for count in [0, 1, 2, len / 3, len / 2, len - 1, len] {
+            for count in [1, 2, len / 12, len / 3, len / 2, len - 1, len] {
                 for _ in 0..20 {
-                    let (count, phase) = (count.min(len), draws.uniform());
+                    let (count, phase) = (count.clamp(1, len), draws.uniform());
                     let pool: Vec<u32> = (0..len as u32).map(|k| k / 2).collect();
-                    let (mut fast, mut out) = (pool.clone(), vec![0; count]);
-                    let left = deal(&mut fast, phase, &mut out);
-                    fast.truncate(left);
-                    assert_eq!((out, fast), dealt_by_hand(&pool, phase, count), "{len} {count} {phase}");
+                    let (mut out, mut rest) = (vec![0; count], vec![0; len - count]);
+                    deal(&pool, phase, &mut out, &mut rest);
+                    assert_eq!((out, rest), dealt_by_hand(&pool, phase, count), "{len} {count} {phase}");
                 }
             }
         }
@@ -252,9 +255,9 @@ mod tests {
         }
     }
 
-    /// E[copies] = len * share * w / sum(w): the mean over R runs lies within 5.5 standard errors, sqrt(variance / R); the
-    /// variance of a count is at most about that of independent draws, which is at most its mean. Where fewer than one copy
-    /// is expected in all runs one is allowed for.
+    /// E[copies] = len * share * w / sum(w): the mean over R runs lies within 5.5 standard errors, sqrt(variance / R);
+    /// the variance of a count is at most about that of independent draws, which is at most its mean. Where fewer than
+    /// one copy is expected in all runs one is allowed for.
     #[test]
     fn copies_are_unbiased() {
         let case = Case::new(&[30, 600, 3], &[12, 40], 1);

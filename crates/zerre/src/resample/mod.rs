@@ -208,8 +208,8 @@ impl Resampling {
             Resampling::Multinomial => {
                 let total = cumulate(context.level, &from, &mut scratch.cumulative);
                 let scale = total * sorted_uniforms(context, ancestors.len(), &mut scratch.positions);
-                merge_sorted(&scratch.cumulative, &scratch.positions, scale, ancestors);
-                1 + ancestors.windows(2).filter(|pair| pair[0] != pair[1]).count()
+                let positions = &scratch.positions[..ancestors.len()];
+                merge_sorted(context.level, &scratch.cumulative, positions, scale, ancestors)
             }
             Resampling::Residual => residual(context, &from, scratch, ancestors),
         }
@@ -254,22 +254,21 @@ fn sorted(
     blocks.iter().map(|(_, drawn)| drawn).sum()
 }
 
-/// Cumulative weights of all particles, and an infinity behind them; returns the total.
+/// Cumulative weights of all particles; returns the total.
 fn cumulate(level: Simd, from: &BlockWeights<'_>, out: &mut Vec<f64>) -> f64 {
     let n = from.weights.len();
-    out.resize(n + 1, 0.0);
-    out[n] = f64::INFINITY;
+    out.resize(n, 0.0);
     let mut before = 0.0;
     for ((weights, out), &(factor, _)) in
-        from.weights.chunks(BLOCK).zip(out[..n].chunks_mut(BLOCK)).zip(from.blocks)
+        from.weights.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).zip(from.blocks)
     {
         before = prefix_sums(level, weights, factor, before, out);
     }
     before
 }
 
-/// `count` sorted positions (cumulative exponential spacings), and an infinity behind them; returns the factor that
-/// brings them into (0, 1).
+/// `count` sorted positions (cumulative exponential spacings), and one that is the end of the last spacing; returns the
+/// factor that brings them into (0, 1).
 fn sorted_uniforms(context: Context<'_>, count: usize, positions: &mut Vec<f64>) -> f64 {
     positions.resize(count + 1, 0.0);
     let mut before = 0.0;
@@ -280,7 +279,6 @@ fn sorted_uniforms(context: Context<'_>, count: usize, positions: &mut Vec<f64>)
         to_exponentials(context.level, spacings);
         before = prefix_sums(context.level, spacings, 1.0, before, block);
     }
-    positions[count] = f64::INFINITY;
     1.0 / before
 }
 
@@ -295,8 +293,7 @@ fn residual(
     let total: f64 = from.blocks.iter().map(|(factor, sum)| factor * sum).sum();
     let n = from.weights.len();
     scratch.copies.resize(n, 0);
-    scratch.cumulative.resize(n + 1, 0.0);
-    scratch.cumulative[n] = f64::INFINITY;
+    scratch.cumulative.resize(n, 0.0);
     let (mut sure, mut before) = (0, 0.0);
     for (b, weights) in from.weights.chunks(BLOCK).enumerate() {
         let factors = (from.blocks[b].0, draws as f64 / total);
@@ -313,7 +310,7 @@ fn residual(
     if rest > 0 {
         let scale = before * sorted_uniforms(context, rest, &mut scratch.positions);
         let extra = &mut ancestors[..rest];
-        merge_sorted(&scratch.cumulative, &scratch.positions, scale, extra);
+        merge_sorted(context.level, &scratch.cumulative, &scratch.positions[..rest], scale, extra);
         for &a in extra.iter() {
             scratch.copies[a as usize] += 1;
         }
@@ -334,7 +331,7 @@ impl Scratch {
         fn room<T>(list: &mut Vec<T>, len: usize) {
             list.reserve(len.saturating_sub(list.len()));
         }
-        room(&mut self.cumulative, rows + 1);
+        room(&mut self.cumulative, rows);
         room(&mut self.positions, draws + 1);
         room(&mut self.copies, rows);
         room(&mut self.blocks, rows.div_ceil(BLOCK));

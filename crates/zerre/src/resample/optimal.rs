@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "kebab-case")]
 pub enum Reduction {
     /// The heavy ones stay with their weights, the rest is drawn with equal weights, and none is drawn twice: of all
-    /// unbiased reductions the one with the least expected squared error of the weights (Fearnhead and Clifford, Journal
-    /// of the Royal Statistical Society B 65, 2003).
+    /// unbiased reductions the one with the least expected squared error of the weights (Fearnhead and Clifford,
+    /// Journal of the Royal Statistical Society B 65, 2003).
     #[default]
     Optimal,
     /// Independent draws. A hypothesis drawn several times is kept once with the weight of all its copies.
@@ -24,13 +24,13 @@ pub enum Reduction {
 
 impl Reduction {
     /// Picks at most `count` of the hypotheses with these `weights`, which need not be normalised: their indices,
-    /// ascending, and their new weights, of the same sum, go to `kept`. Where no more than `count` have weight, all of these
-    /// stay as they are; otherwise [`Reduction::Optimal`] keeps exactly `count`. `step` distinguishes repeated calls
-    /// with one stream. Nothing is allocated once `kept` has room for all weights.
+    /// ascending, and their new weights, of the same sum, go to `kept`. Where no more than `count` have weight, all of
+    /// these stay as they are; otherwise [`Reduction::Optimal`] keeps exactly `count`. `step` distinguishes repeated
+    /// calls with one stream. Nothing is allocated once `kept` has room for all weights.
     ///
     /// # Errors
-    /// A weight that is negative or not finite, weights that are all zero or whose sum overflows, more than 2^26 of them, a
-    /// `count` of zero.
+    /// A weight that is negative or not finite, weights that are all zero or whose sum overflows, more than 2^26 of
+    /// them, a `count` of zero.
     pub fn reduce(
         self,
         weights: &[f64],
@@ -86,8 +86,8 @@ impl Reduction {
 /// Keeps what the optimal reduction keeps of `kept`, which comes with all indices and weights above zero, more than
 /// `count` of them.
 fn optimal(weights: &[f64], count: usize, draws: &mut Draws, kept: &mut Vec<(u32, f64)>) {
-    // Sum over i of min(1, w_i / c) = count: with the k heaviest above c, c is the sum of the rest over count - k, and k is
-    // the least for which the heaviest of the rest lies below.
+    // Sum over i of min(1, w_i / c) = count: with the k heaviest above c, c is the sum of the rest over count - k, and
+    // k is the least for which the heaviest of the rest lies below.
     kept.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let mut rest: f64 = kept[count - 1..].iter().rev().map(|&(_, w)| w).sum();
     let (mut heavy, mut threshold) = (count - 1, rest);

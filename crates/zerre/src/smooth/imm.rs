@@ -6,19 +6,19 @@ use crate::error::{Error, Result};
 use crate::model::jump::MAX_MODES;
 use crate::model::{JumpMarkov, Motion};
 
-/// The beliefs of an [`Imm`](crate::filter::Imm) given all measurements, from the `filtered` ones in the order of time (Kim,
-/// Journal of Econometrics 60, 1994). The last belief stays as it is, and so does the order.
+/// The beliefs of an [`Imm`](crate::filter::Imm) given all measurements, from the `filtered` ones in the order of time
+/// (Kim, Journal of Econometrics 60, 1994). The last belief stays as it is, and so does the order.
 ///
-/// Backwards, with mu_i the filtered probabilities, c_j = sum over i of p_ij mu_i and nu_j the smoothed probability of mode
-/// j a step later, modes i and then j have probability nu_j p_ij mu_i / c_j: that the later measurements say nothing more of
-/// i once j is known is the approximation. For each pair one step of [`rauch_tung_striebel`](super::rauch_tung_striebel)
-/// under mode j leads from the filtered law of i towards the smoothed law of j; the laws of one i are then matched by one
-/// Gaussian. With one mode this is that smoother. A mode that turns out impossible keeps its filtered law with probability
-/// zero.
+/// Backwards, with mu_i the filtered probabilities, c_j = sum over i of p_ij mu_i and nu_j the smoothed probability of
+/// mode j a step later, modes i and then j have probability nu_j p_ij mu_i / c_j: that the later measurements say
+/// nothing more of i once j is known is the approximation. For each pair one step of
+/// [`rauch_tung_striebel`](super::rauch_tung_striebel) under mode j leads from the filtered law of i towards the
+/// smoothed law of j; the laws of one i are then matched by one Gaussian. With one mode this is that smoother. A mode
+/// that turns out impossible keeps its filtered law with probability zero.
 ///
 /// # Errors
-/// [`Error::OutOfOrder`]; beliefs of another number of modes; a model that refuses its parameters; a prediction that is not
-/// finite or whose covariance is singular.
+/// [`Error::OutOfOrder`]; beliefs of another number of modes; a model that refuses its parameters; a prediction that is
+/// not finite or whose covariance is singular.
 pub fn smooth_modes<A, const N: usize, const W: usize>(
     model: &JumpMarkov<A>,
     filtered: &[ModalGaussian<N>],

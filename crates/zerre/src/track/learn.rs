@@ -65,12 +65,13 @@ const CLEARLY: f64 = 3.0;
 /// need a likelihood that is not much narrower than what was foretold.
 const LEAST_SHARE: f64 = 0.05;
 
-/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives the plots the largest evidence; all else is
-/// as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
-/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of
-/// which the recording tells no more than that it is small against the wandering of the motion is set to where it
-/// makes a twentieth of the innovation's variance. For filters with particles the evidence is less what they lose on
-/// innovations that they do not reach: a rare manoeuvre must not leave all of them behind.
+/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives the plots
+/// the largest evidence; all else is as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where
+/// no law is given and the evidence is clearly for them. Plots are in order of time; the first thousand of at most
+/// twenty targets count. A noise of which the recording tells no more than that it is small against the wandering of
+/// the motion is set to where it makes a twentieth of the innovation's variance. For filters with particles the
+/// evidence is less what they lose on innovations that they do not reach: a rare manoeuvre must not leave all of them
+/// behind.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
 /// Mead (Computer Journal 7, 1965) on the logarithms: deterministic. With modes all numbers are searched for together
@@ -132,9 +133,10 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     Ok(Learnt { spec: best, values, plots: count, targets: chosen.len(), heavy_tails })
 }
 
-/// Log-evidence of the plots under the unscented filter, or under the filter itself if it has modes; -inf where it refuses the models. A restart counts as much as
-/// a measurement that is all but impossible. Not under particles: where the noise of the motion is small they collapse,
-/// and what they then make of a measurement says nothing of the law of its errors.
+/// Log-evidence of the plots under the unscented filter, or under the filter itself if it has modes; -inf where it
+/// refuses the models. A restart counts as much as a measurement that is all but impossible. Not under particles: where
+/// the noise of the motion is small they collapse, and what they then make of a measurement says nothing of the law of
+/// its errors.
 fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
     const RESTART: f64 = -100.0;
     // What a gate refuses has no evidence that could be compared: both sides take every measurement.

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 
 /// How a target manoeuvres, for the filters of which [`has_modes`] holds; others ignore it.
 ///
-/// The quiet mode is the motion itself. The manoeuvring mode is the same motion with more noise. With `constant-velocity`
-/// in the plane there are two modes more: turns to the left and to the right at one rate, with the noise of the quiet
-/// mode. Modes follow each other as a Markov chain in continuous time, so that irregular steps are sound; each lasts as
-/// long on average, and each is as likely at the start.
+/// The quiet mode is the motion itself. The manoeuvring mode is the same motion with more noise. With
+/// `constant-velocity` in the plane there are two modes more: turns to the left and to the right at one rate, with the
+/// noise of the quiet mode. Modes follow each other as a Markov chain in continuous time, so that irregular steps are
+/// sound; each lasts as long on average, and each is as likely at the start.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ModeSpec {
     /// Mean time in a mode, seconds; `None` for [`ModeSpec::STAY_S`].

@@ -485,8 +485,8 @@ fn one_mode_is_the_filter_without_modes() {
     }
 }
 
-/// A target that flies straight, circles at 0.1 rad/s and flies straight again, measured to 2 m: its modes are found, and
-/// saved tracks go on to the same bits, also in the midst of the turn.
+/// A target that flies straight, circles at 0.1 rad/s and flies straight again, measured to 2 m: its modes are found,
+/// and saved tracks go on to the same bits, also in the midst of the turn.
 #[test]
 fn modes_follow_a_turn_and_survive_being_saved() {
     let mut draws = Stream::new(8).draws(Purpose::Other, 0, 0);

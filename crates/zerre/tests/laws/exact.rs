@@ -8,7 +8,8 @@
 //! the log-evidence is unbiased: nothing is allowed there.
 //!
 //! The average of 100 runs has 99 degrees of freedom: beyond Z = 6.2 lies 1.3e-8 of Student's law. There are some
-//! 60 filters with 10 steps of 15 numbers: 9 000 comparisons, so that a right implementation fails with probability 1e-4.
+//! 60 filters with 10 steps of 15 numbers: 9 000 comparisons, so that a right implementation fails with probability
+//! 1e-4.
 
 use crate::list::{Class, Estimates, Means, Run, UnderLaw, filters};
 use crate::worlds::{self, Seen};

@@ -1,5 +1,5 @@
-//! Filters over modes that keep Gaussians, for the list: with one mode and with modes that are the same they are what they
-//! are without modes.
+//! Filters over modes that keep Gaussians, for the list: with one mode and with modes that are the same they are what
+//! they are without modes.
 
 use crate::list::{Class, Entry, Estimates, Sensor, UnderLaw, World};
 use zerre::belief::{Hypotheses, ModalGaussian};

@@ -179,9 +179,9 @@ impl Run {
         rows.len() as u64
     }
 
-    /// Runs `filters` of the Kalman family with `spec` on the same plots: of [`PLAIN`] the exact one where the models are
-    /// linear, elsewhere the extended and the unscented one, of which the one with more evidence counts. Gives back how it
-    /// fared and its run.
+    /// Runs `filters` of the Kalman family with `spec` on the same plots: of [`PLAIN`] the exact one where the models
+    /// are linear, elsewhere the extended and the unscented one, of which the one with more evidence counts. Gives back
+    /// how it fared and its run.
     pub fn against_kalman(
         &self,
         filters: &[&'static str],

@@ -281,15 +281,16 @@ pub fn work(cell: &Cell, runs: usize, seed: u64, stop: impl Fn() -> bool) -> zer
 pub struct Saving {
     /// Filters, by cells without a place in the grid: those of the first scenario and noise of each.
     pub filters: Vec<Cell>,
-    /// For each noise and filter: mean square error and processor time of each run, over the scenarios with four models.
+    /// For each noise and filter: mean square error and processor time of each run, over the scenarios with four
+    /// models.
     pub runs: Vec<Vec<Vec<(f64, f64)>>>,
 }
 
 /// The scenarios in which filters have four models.
 const FOUR_MODELS: [usize; 2] = [1, 2];
 
-/// Runs every filter whose time is compared on the same measurements, one after the other in turn; `None` if `stop` says
-/// so meanwhile, `done` is told of each round.
+/// Runs every filter whose time is compared on the same measurements, one after the other in turn; `None` if `stop`
+/// says so meanwhile, `done` is told of each round.
 ///
 /// # Errors
 /// As [`work`].

@@ -1,7 +1,7 @@
 //! The three tracks, in metres and seconds, and what a radar sees of them.
 //!
-//! The thesis prints neither start, speed, heading, turn rate nor the place of the observer. Those here give the area of
-//! its bounding boxes (196, 665 and 116 km^2) with its sequence of manoeuvres, and errors of its order.
+//! The thesis prints neither start, speed, heading, turn rate nor the place of the observer. Those here give the area
+//! of its bounding boxes (196, 665 and 116 km^2) with its sequence of manoeuvres, and errors of its order.
 
 use super::settings::{ACCELERATION_SD, PRIOR_POSITION_SD, PRIOR_VELOCITY_SD};
 use zerre::belief::Gaussian;

@@ -13,7 +13,8 @@ pub const SOURCE: &str = include_str!("settings.rs");
 pub const PARTICLES: [usize; 6] = [1000, 2000, 3000, 4000, 5000, 7000];
 /// The count that stands for all where one is shown, and the smallest.
 pub const MAIN_PARTICLES: usize = 5000;
-/// Noise labels of the thesis; it calls them variances. They are taken as standard deviations in kilometres and radians.
+/// Noise labels of the thesis; it calls them variances. They are taken as standard deviations in kilometres and
+/// radians.
 pub const NOISES: [f64; 4] = [0.01, 0.1, 0.15, 0.2];
 /// Runs of each cell.
 pub const RUNS: usize = 100;
@@ -79,8 +80,8 @@ impl Setting {
 }
 
 /// Disturbance and staying probability of [`Setting::Default`]. On the seed of the choice, with 20 runs of each cell, a
-/// disturbance of 1.5 m/s^2 errs at most a few per cent more than the tuned 1, and far less than the reference; it leaves
-/// more room for a target that does not fly its manoeuvres exactly, as those of the scenarios do.
+/// disturbance of 1.5 m/s^2 errs at most a few per cent more than the tuned 1, and far less than the reference; it
+/// leaves more room for a target that does not fly its manoeuvres exactly, as those of the scenarios do.
 const DEFAULT: (f64, f64) = (1.5, 0.97);
 
 /// Seed on which [`Setting::Default`] was chosen; reports use others.
