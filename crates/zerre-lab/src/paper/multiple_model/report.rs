@@ -98,6 +98,16 @@ impl Results<'_> {
             }
         }
         sections.extend(self.others());
+        sections.push(Section {
+            title: "What the thesis does not say, and how it is read".to_owned(),
+            points: READINGS.iter().map(|text| (*text).to_owned()).collect(),
+            ..Section::default()
+        });
+        sections.push(Section {
+            title: "Printed cells that cannot be right".to_owned(),
+            points: self.thesis.suspects().iter().map(|doubt| format!("{doubt}.")).collect(),
+            ..Section::default()
+        });
         StudyReport {
             title: "Multiple-model particle filters and the selection of models".to_owned(),
             command: provenance.command.clone(),
@@ -111,7 +121,7 @@ impl Results<'_> {
         let mut paragraphs = vec![
             "Our numbers stand first, with a 95 % bootstrap interval over runs; behind them what the thesis prints. A \
              mark says that a printed number cannot be right or cannot be compared, and the reason stands below the \
-             table. Errors are in kilometres."
+             table. Errors are in kilometres. How each open question of the thesis is read stands at the end."
                 .to_owned(),
         ];
         if interrupted {
@@ -124,13 +134,7 @@ impl Results<'_> {
             "Steps whose measurement had no likelihood anywhere, so that the prediction stood: {degenerate}. Runs whose \
              filter refused to go on, so that its last estimate stood to the end: {lost}."
         ));
-        let doubts = self.thesis.suspects().iter().map(|doubt| format!("Suspect in print: {doubt}."));
-        Section {
-            title: "What the thesis does not say, and how it is read".to_owned(),
-            paragraphs,
-            points: READINGS.iter().map(|text| (*text).to_owned()).chain(doubts).collect(),
-            ..Section::default()
-        }
+        Section { title: "How to read this".to_owned(), paragraphs, ..Section::default() }
     }
 
     fn scenario(&self, at: usize, scenario: &Scenario, ways: &[Wsms]) -> Section {
