@@ -113,6 +113,24 @@ pub const FILTERS: &[Entry] = &[
         "Blom and Bar-Shalom 1988",
     ),
     classed(
+        Class::Approximate,
+        "rb-mmpf",
+        "Rao-Blackwellised: an unscented Kalman filter for each of many histories of modes",
+        "Doucet, Gordon and Krishnamurthy 2001",
+    ),
+    classed(
+        Class::Consistent,
+        "mmpf",
+        "multiple-model particle filter: every particle under every mode",
+        "McGinnity and Irwin 2000",
+    ),
+    classed(
+        Class::Consistent,
+        "imm-pf",
+        "IMM particle filter: as many particles in each mode, however rare",
+        "Blom and Bloem 2003",
+    ),
+    classed(
         Class::Consistent,
         "particle",
         "particle filter with resampling (sequential importance resampling)",

@@ -152,11 +152,14 @@ impl<const N: usize> Cloud<N> {
         Gaussian::computed("mean of the cloud", "covariance of the cloud", self.mean(), self.covariance())
     }
 
+    /// Weight and state of each particle.
+    pub(crate) fn weighted(&self) -> impl Iterator<Item = (f64, [f64; N])> + '_ {
+        self.weights().enumerate().map(|(i, w)| (w, self.particle(i)))
+    }
+
     /// The heaviest particle; the first one of several.
     pub fn max_weight(&self) -> [f64; N] {
-        let heaviest =
-            self.weights().enumerate().fold((0, -1.0), |best, (i, w)| if w > best.1 { (i, w) } else { best });
-        self.particle(heaviest.0)
+        heaviest_of(self.weighted())
     }
 
     /// Weighted mean of the heaviest `share` of the particles (0.1: the best tenth), at least one.
@@ -164,25 +167,7 @@ impl<const N: usize> Cloud<N> {
     /// # Errors
     /// `share` outside (0, 1].
     pub fn robust_mean(&self, share: f64) -> Result<[f64; N]> {
-        if !(share > 0.0 && share <= 1.0) {
-            return Err(Error::OutOfRange {
-                what: "share of the particles",
-                value: share,
-                needs: "it must lie in (0, 1]",
-            });
-        }
-        let mut order: Vec<(f64, usize)> = self.weights().enumerate().map(|(i, w)| (w, i)).collect();
-        // Ties by index: the result must not depend on how the sort treats equals.
-        order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        order.truncate(((share * self.len() as f64).ceil() as usize).max(1));
-        let (mut sum, mut mean) = (0.0, [0.0; N]);
-        for &(w, i) in &order {
-            sum += w;
-            for k in 0..N {
-                mean[k] += w * self.states[k][i];
-            }
-        }
-        Ok(mean.map(|m| m / sum))
+        robust_mean_of(self.weighted(), share)
     }
 
     /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is
@@ -205,6 +190,38 @@ impl<const N: usize> Cloud<N> {
     pub(crate) fn total(&self) -> Total<N> {
         Total::of(&self.blocks)
     }
+}
+
+/// The heaviest state; the first one of several, NaN of none.
+pub(super) fn heaviest_of<const N: usize>(weighted: impl Iterator<Item = (f64, [f64; N])>) -> [f64; N] {
+    weighted.fold((-1.0, [f64::NAN; N]), |best, one| if one.0 > best.0 { one } else { best }).1
+}
+
+/// Weighted mean of the heaviest `share` of the states, at least one.
+pub(super) fn robust_mean_of<const N: usize>(
+    weighted: impl Iterator<Item = (f64, [f64; N])>,
+    share: f64,
+) -> Result<[f64; N]> {
+    if !(share > 0.0 && share <= 1.0) {
+        return Err(Error::OutOfRange {
+            what: "share of the particles",
+            value: share,
+            needs: "it must lie in (0, 1]",
+        });
+    }
+    let mut order: Vec<(f64, [f64; N])> = weighted.collect();
+    let kept = ((share * order.len() as f64).ceil() as usize).max(1);
+    // Stable: ties stay in the order of the particles.
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order.truncate(kept);
+    let (mut sum, mut mean) = (0.0, [0.0; N]);
+    for (w, x) in &order {
+        sum += w;
+        for k in 0..N {
+            mean[k] += w * x[k];
+        }
+    }
+    Ok(mean.map(|m| m / sum))
 }
 
 /// Refuses levels of quantiles outside [0, 1].

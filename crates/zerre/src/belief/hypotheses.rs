@@ -1,6 +1,6 @@
 //! Weighted Gaussians, each of one history of modes.
 
-use super::{Gaussian, matched};
+use super::{Gaussian, ModalGaussian, matched};
 use crate::error::{Error, Result};
 use crate::model::jump::count;
 use crate::rng::Stream;
@@ -134,6 +134,19 @@ impl<const N: usize> Hypotheses<N> {
     /// Sums that are not finite.
     pub fn combined(&self) -> Result<Gaussian<N>> {
         matched(self.all.iter().map(|h| (h.weight, &h.law)))
+    }
+
+    /// For each mode its probability and the Gaussian of [`Hypotheses::mode`]. A mode without weight has the law of the
+    /// whole, which says nothing.
+    ///
+    /// # Errors
+    /// Sums that are not finite.
+    pub fn by_mode(&self) -> Result<ModalGaussian<N>> {
+        let whole = self.combined()?;
+        let probabilities: Vec<f64> = (0..self.modes).map(|j| self.probability(j)).collect();
+        let law = |(j, &p): (usize, &f64)| if p > 0.0 { self.mode(j) } else { Ok(whole) };
+        let laws = probabilities.iter().enumerate().map(law).collect::<Result<_>>()?;
+        ModalGaussian::new(self.time, probabilities, laws)
     }
 
     /// The mean of the whole.

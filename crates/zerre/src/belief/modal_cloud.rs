@@ -1,7 +1,9 @@
 //! Weighted particles that each have a mode, in columns, sorted by mode.
 
-use super::cloud::{SavedBlock, level_checked, load_block, quantiles_of, save_block, shape};
-use crate::belief::{Gaussian, MAX_PARTICLES};
+use super::cloud::{
+    SavedBlock, heaviest_of, level_checked, load_block, quantiles_of, robust_mean_of, save_block, shape,
+};
+use crate::belief::{Gaussian, MAX_PARTICLES, ModalGaussian, matched};
 use crate::error::{Error, Result};
 use crate::kernels::{self, BLOCK, BlockSums, Simd, Survivors, Threads, Total};
 use crate::math::Matrix;
@@ -320,8 +322,51 @@ impl<const N: usize> ModalCloud<N> {
         Gaussian::computed("mean of the cloud", "covariance of the cloud", self.mean(), self.covariance())
     }
 
-    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is
-    /// lost.
+    /// For each mode its probability and the Gaussian with the mean and covariance of its particles. A mode without weight
+    /// has the law of the whole, which says nothing.
+    ///
+    /// # Errors
+    /// There are none once every particle is lost.
+    pub fn by_mode(&self) -> Result<ModalGaussian<N>> {
+        let mut laws = [None; MAX_MODES];
+        for segment in &self.segments {
+            let Some(mean) = self.mode_mean(segment.mode) else { continue };
+            let of = self.total_of(segment.mode);
+            let mut sums = Matrix::<N, N>::ZERO;
+            for row in segment.rows() {
+                let w = self.weights[row] * self.blocks[row / BLOCK].factor(of.max) / of.sum;
+                let d: [f64; N] = std::array::from_fn(|k| self.states[k][row] - mean[k]);
+                for r in 0..N {
+                    for c in 0..=r {
+                        sums.0[r][c] += w * d[r] * d[c];
+                    }
+                }
+            }
+            let covariance = Matrix::from_entries(|r, c| if c <= r { sums.0[r][c] } else { sums.0[c][r] });
+            let law = Gaussian::computed("mean of a mode", "covariance of a mode", mean, covariance)?;
+            laws[segment.mode] = Some(law);
+        }
+        let laws = &laws[..self.modes];
+        let probabilities: Vec<f64> = self.probabilities().collect();
+        let whole = matched(probabilities.iter().zip(laws).filter_map(|(&p, law)| Some((p, law.as_ref()?))))?;
+        let laws = laws.iter().map(|law| law.unwrap_or(whole)).collect();
+        ModalGaussian::new(self.time, probabilities, laws)
+    }
+
+    /// The heaviest particle; the first one of several.
+    pub fn max_weight(&self) -> [f64; N] {
+        heaviest_of(self.particles().map(|(_, w, x)| (w, x)))
+    }
+
+    /// Weighted mean of the heaviest `share` of the particles (0.1: the best tenth), at least one.
+    ///
+    /// # Errors
+    /// `share` outside (0, 1].
+    pub fn robust_mean(&self, share: f64) -> Result<[f64; N]> {
+        robust_mean_of(self.particles().map(|(_, w, x)| (w, x)), share)
+    }
+
+    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is lost.
     ///
     /// # Errors
     /// A level outside [0, 1].

@@ -1,9 +1,9 @@
 //! The interacting-multiple-model particle filter (Blom and Bloem, IEEE Conference on Decision and Control, 2003;
 //! 2004): the same number of particles in every mode, drawn at each step from those of all modes.
 
-use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, Segment};
+use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, ModalGaussian, Segment};
 use crate::error::{Error, Result};
-use crate::filter::multiple_model::stream_of;
+use crate::filter::multiple_model::{drawn_by_mode, particles_in, stream_of};
 use crate::filter::{Filter, ModalSettings, Outcome, ParticleUpdate, Prior, Update};
 use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, Source, Survivors};
 use crate::math::Real;
@@ -89,8 +89,41 @@ where
         &self.model
     }
 
-    /// The interaction: lays the cloud out anew and writes for each of its rows the row of the old states, which now
-    /// stand in `survivors`. Returns how many of the old particles were drawn.
+    /// A cloud whose modes have the probabilities `law`, with particles that `columns` makes.
+    fn begin(
+        &self,
+        at: Time,
+        stream: Stream,
+        law: &[f64],
+        columns: impl FnOnce(&[(usize, f64)]) -> Result<[Vec<f64>; N]>,
+    ) -> Result<ModalCloud<N>> {
+        let mut shares = [(0, 0.0); MAX_MODES];
+        for ((share, &p), len) in shares.iter_mut().zip(law).zip(quotas(self.settings.particles, law)) {
+            *share = (len, Real::ln(p) - Real::ln(len as f64));
+        }
+        let shares = &shares[..law.len()];
+        let mut cloud = ModalCloud::from_columns(at, stream, &columns(shares)?, shares)?;
+        // Whatever modes turn out to be possible, no later step needs more.
+        let rows = self.settings.particles.max(law.len()) + law.len() * BLOCK;
+        for column in cloud.states.iter_mut().chain(&mut cloud.survivors) {
+            column.reserve(rows.saturating_sub(column.len()));
+        }
+        cloud.weights.reserve(rows.saturating_sub(cloud.weights.len()));
+        cloud.scores.reserve(rows.saturating_sub(cloud.scores.len()));
+        cloud.blocks.reserve((rows / BLOCK + 1).saturating_sub(cloud.blocks.len()));
+        cloud.ancestors.reserve(rows);
+        cloud.pools.iter_mut().for_each(|pool| pool.reserve(rows));
+        cloud.scratch.reserve(rows, rows);
+        Ok(cloud)
+    }
+
+    /// The cloud of particles drawn from `law`: each mode's from its own Gaussian.
+    pub(crate) fn draw(&self, law: &ModalGaussian<N>, stream: Stream) -> Result<ModalCloud<N>> {
+        self.begin(law.time(), stream, law.probabilities(), |shares| drawn_by_mode(law, stream, shares))
+    }
+
+    /// The interaction: lays the cloud out anew and writes for each of its rows the row of the old states, which now stand
+    /// in `survivors`. Returns how many of the old particles were drawn.
     fn interact(&self, cloud: &mut ModalCloud<N>, law: &[f64], after: &[f64], jump: &Transition) -> usize {
         let ModalSettings { particles: n, resampling, simd, ref threads, .. } = self.settings;
         let modes = law.len();
@@ -238,26 +271,8 @@ where
     type Belief = ModalCloud<N>;
 
     fn start(&self, at: Time, stream: Stream) -> Result<ModalCloud<N>> {
-        let law = self.model.chain().initial();
-        let mut shares = [(0, 0.0); MAX_MODES];
-        for ((share, &p), len) in shares.iter_mut().zip(law).zip(quotas(self.settings.particles, law)) {
-            *share = (len, Real::ln(p) - Real::ln(len as f64));
-        }
-        let shares = &shares[..law.len()];
-        let columns = self.prior.columns(stream, shares.iter().map(|share| share.0).sum())?;
-        let mut cloud = ModalCloud::from_columns(at, stream, &columns, shares)?;
-        // Whatever modes turn out to be possible, no later step needs more.
-        let rows = self.settings.particles.max(law.len()) + law.len() * BLOCK;
-        for column in cloud.states.iter_mut().chain(&mut cloud.survivors) {
-            column.reserve(rows.saturating_sub(column.len()));
-        }
-        cloud.weights.reserve(rows.saturating_sub(cloud.weights.len()));
-        cloud.scores.reserve(rows.saturating_sub(cloud.scores.len()));
-        cloud.blocks.reserve((rows / BLOCK + 1).saturating_sub(cloud.blocks.len()));
-        cloud.ancestors.reserve(rows);
-        cloud.pools.iter_mut().for_each(|pool| pool.reserve(rows));
-        cloud.scratch.reserve(rows, rows);
-        Ok(cloud)
+        let columns = |shares: &[(usize, f64)]| self.prior.columns(stream, particles_in(shares));
+        self.begin(at, stream, self.model.chain().initial(), columns)
     }
 
     fn step(&self, cloud: &mut ModalCloud<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {

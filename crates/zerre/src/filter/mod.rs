@@ -18,11 +18,13 @@ pub(crate) use imm::step_with as step_modes;
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;
 pub use kalman::{Kalman, Linear};
+pub(crate) use multiple_model::SavedModalBelief;
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
 };
 pub use particle::{ParticleFilter, Prior, Settings};
 pub use rao_blackwell::RaoBlackwell;
+pub(crate) use rao_blackwell::{check_hypotheses, step_with as step_hypotheses};
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub use unscented::{SigmaPoints, Unscented};
 

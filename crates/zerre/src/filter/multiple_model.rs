@@ -2,7 +2,9 @@
 //! and by the chain of modes, and the joint set is resampled (McGinnity and Irwin, IEEE Transactions on Aerospace and
 //! Electronic Systems 36(3), 2000; algorithms 1 to 3 of Ucar's thesis, section 4.1).
 
-use crate::belief::{Gaussian, MAX_PARTICLES, ModalCloud, SavedModalCloud, Segment, load_log, save_log};
+use crate::belief::{
+    Gaussian, MAX_PARTICLES, ModalCloud, ModalGaussian, SavedModalCloud, Segment, load_log, save_log,
+};
 use crate::error::{Error, Result};
 use crate::filter::{Choice, Filter, Outcome, ParticleUpdate, Prior, Selector, Update, Wsms};
 use crate::kernels::{
@@ -453,6 +455,25 @@ pub(crate) fn stream_of(stream: Stream, j: usize) -> Stream {
     if j == 0 { stream } else { stream.fork(MODE | j as u64) }
 }
 
+/// How many particles there are in all modes together.
+pub(crate) fn particles_in(shares: &[(usize, f64)]) -> usize {
+    shares.iter().map(|share| share.0).sum()
+}
+
+/// States drawn from the Gaussian of each mode, as many as `shares` says, one mode after the other.
+pub(crate) fn drawn_by_mode<const N: usize>(
+    law: &ModalGaussian<N>,
+    stream: Stream,
+    shares: &[(usize, f64)],
+) -> Result<[Vec<f64>; N]> {
+    let mut columns = std::array::from_fn(|_| Vec::with_capacity(particles_in(shares)));
+    for (j, &(count, _)) in shares.iter().enumerate().filter(|(_, share)| share.0 > 0) {
+        let drawn = law.mode(j).columns(stream_of(stream, j), count)?;
+        columns.iter_mut().zip(drawn).for_each(|(all, of_mode): (&mut Vec<f64>, _)| all.extend(of_mode));
+    }
+    Ok(columns)
+}
+
 impl<const N: usize, const W: usize, A, H, E, P> MultipleModel<N, W, A, H, E, P>
 where
     A: Motion<N, W>,
@@ -652,6 +673,39 @@ where
         Total::of(blocks)
     }
 
+    /// A belief whose modes have the probabilities `law`, with particles that `columns` makes.
+    fn begin(
+        &self,
+        at: Time,
+        stream: Stream,
+        law: &[f64],
+        columns: impl FnOnce(&[(usize, f64)]) -> Result<[Vec<f64>; N]>,
+    ) -> Result<ModalBelief<N>> {
+        let n = self.settings.particles;
+        let mut shares = [(0, 0.0); MAX_MODES];
+        for (share, count) in shares.iter_mut().zip(first_counts(law, n, stream)) {
+            share.0 = count;
+        }
+        let shares = &shares[..law.len()];
+        let mut cloud = ModalCloud::from_columns(at, stream, &columns(shares)?, shares)?;
+        cloud.keep_all();
+        cloud.reserve(n);
+        let selection = self.selection.as_ref();
+        Ok(ModalBelief {
+            estimate: cloud.mean(),
+            models_computed: 0,
+            selected: None,
+            selector: selection.map(|rules| Selector::new(rules, law.len())).transpose()?,
+            carried: Carried::equal(n),
+            cloud,
+        })
+    }
+
+    /// The belief of particles drawn from `law`: each mode's from its own Gaussian.
+    pub(crate) fn draw(&self, law: &ModalGaussian<N>, stream: Stream) -> Result<ModalBelief<N>> {
+        self.begin(law.time(), stream, law.probabilities(), |shares| drawn_by_mode(law, stream, shares))
+    }
+
     /// Mode with the least error of its mean; `None` where none has an error that is a number.
     fn least_error(&self, cloud: &ModalCloud<N>, z: &H::Value) -> Option<usize> {
         let error = self.error.as_ref()?;
@@ -695,25 +749,8 @@ where
     type Belief = ModalBelief<N>;
 
     fn start(&self, at: Time, stream: Stream) -> Result<ModalBelief<N>> {
-        let n = self.settings.particles;
-        let columns = self.prior.columns(stream, n)?;
-        let law = self.model.chain().initial();
-        let mut shares = [(0, 0.0); MAX_MODES];
-        for (share, count) in shares.iter_mut().zip(first_counts(law, n, stream)) {
-            share.0 = count;
-        }
-        let mut cloud = ModalCloud::from_columns(at, stream, &columns, &shares[..law.len()])?;
-        cloud.keep_all();
-        cloud.reserve(n);
-        let selection = self.selection.as_ref();
-        Ok(ModalBelief {
-            estimate: cloud.mean(),
-            models_computed: 0,
-            selected: None,
-            selector: selection.map(|rules| Selector::new(rules, law.len())).transpose()?,
-            carried: Carried::equal(n),
-            cloud,
-        })
+        let columns = |shares: &[(usize, f64)]| self.prior.columns(stream, particles_in(shares));
+        self.begin(at, stream, self.model.chain().initial(), columns)
     }
 
     fn step(&self, belief: &mut ModalBelief<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {

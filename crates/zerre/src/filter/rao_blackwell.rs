@@ -79,10 +79,7 @@ where
         for mode in model.modes() {
             transform.accept(mode, &measurement, &prior)?;
         }
-        if !(1..=MAX_PARTICLES / MAX_MODES).contains(&hypotheses) {
-            let needs = "it must lie between 1 and 2^22";
-            return Err(Error::OutOfRange { what: "number of hypotheses", value: hypotheses as f64, needs });
-        }
+        check_hypotheses(hypotheses)?;
         let reduction = Reduction::default();
         Ok(RaoBlackwell { transform, model, measurement, prior, hypotheses, reduction, gate: None })
     }
@@ -135,8 +132,17 @@ where
     }
 }
 
-/// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many hypotheses
-/// to keep, their reduction, and the squared distance of the gate.
+/// Refuses a number of hypotheses that no belief holds, with each of them taken through every mode.
+pub(crate) fn check_hypotheses(hypotheses: usize) -> Result<()> {
+    if (1..=MAX_PARTICLES / MAX_MODES).contains(&hypotheses) {
+        return Ok(());
+    }
+    let needs = "it must lie between 1 and 2^22";
+    Err(Error::OutOfRange { what: "number of hypotheses", value: hypotheses as f64, needs })
+}
+
+/// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many hypotheses to
+/// keep, their reduction, and the squared distance of the gate.
 pub(crate) fn step_with<T, A, H, const N: usize, const W: usize, const M: usize>(
     transform: &T,
     model: &JumpMarkov<A>,

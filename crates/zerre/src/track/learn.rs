@@ -1,11 +1,15 @@
 //! Noises that nobody told, learnt from the recording itself: the most likely ones.
 
-use super::modes::{ModeSpec, Moves, has_modes};
+use super::Plot;
+use super::belief::Belief;
+use super::kind::{Form, Kind, has_modes};
+use super::modes::{ModeSpec, Moves};
 use super::motion::{WithMotion, with_motion};
+use super::row::{Event, Innovation};
+use super::rules::Rules;
 use super::sensor::{Frame, Noise};
+use super::spec::{Engine, TrackerSpec};
 use super::tail::Robust;
-use super::tracker::{Belief, Engine, Event, Innovation, Rules};
-use super::{Plot, TrackerSpec};
 use crate::error::{Error, Result};
 use crate::filter::Outcome;
 use crate::math::{exp, ln};
@@ -65,13 +69,12 @@ const CLEARLY: f64 = 3.0;
 /// need a likelihood that is not much narrower than what was foretold.
 const LEAST_SHARE: f64 = 0.05;
 
-/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives the plots
-/// the largest evidence; all else is as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where
-/// no law is given and the evidence is clearly for them. Plots are in order of time; the first thousand of at most
-/// twenty targets count. A noise of which the recording tells no more than that it is small against the wandering of
-/// the motion is set to where it makes a twentieth of the innovation's variance. For filters with particles the
-/// evidence is less what they lose on innovations that they do not reach: a rare manoeuvre must not leave all of them
-/// behind.
+/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives the plots the
+/// largest evidence; all else is as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
+/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of
+/// which the recording tells no more than that it is small against the wandering of the motion is set to where it
+/// makes a twentieth of the innovation's variance. For filters with particles the evidence is less what they lose on
+/// innovations that they do not reach: a rare manoeuvre must not leave all of them behind.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
 /// Mead (Computer Journal 7, 1965) on the logarithms: deterministic. With modes all numbers are searched for together
@@ -91,8 +94,8 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
         return Err(Error::Unsupported(text));
     }
     let mut spec = spec.clone();
-    let stand_in = if has_modes(&spec.filter.name) { "imm-ekf" } else { "ekf" };
-    let filter = std::mem::replace(&mut spec.filter.name, stand_in.to_owned());
+    let kind = Kind::named(&spec.filter.name)?;
+    let filter = std::mem::replace(&mut spec.filter.name, kind.stand_in().to_owned());
     let open: Vec<String> = spec
         .sensors
         .iter()
@@ -102,8 +105,7 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
         })
         .map(|(name, _)| name.clone())
         .collect();
-    let particles = matches!(filter.as_str(), "particle" | "sir" | "sis");
-    let reach = particles.then(|| reach_of(spec.filter.particles, spec.dimensions));
+    let reach = kind.has_particles().then(|| reach_of(spec.filter.particles, spec.dimensions));
     let learnt = |mut spec: TrackerSpec| -> Result<(TrackerSpec, Vec<f64>, f64)> {
         let (log_evidence, logs) = search(&spec, unknown, &chosen, reach)?;
         set(&mut spec, unknown, &logs);
@@ -133,16 +135,17 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     Ok(Learnt { spec: best, values, plots: count, targets: chosen.len(), heavy_tails })
 }
 
-/// Log-evidence of the plots under the unscented filter, or under the filter itself if it has modes; -inf where it
-/// refuses the models. A restart counts as much as a measurement that is all but impossible. Not under particles: where
-/// the noise of the motion is small they collapse, and what they then make of a measurement says nothing of the law of
-/// its errors.
+/// Log-evidence of the plots under the unscented filter, with modes if the filter has them (one of the Kalman family with
+/// modes stands for itself); -inf where it refuses the models. A restart counts as much as a measurement that is all but impossible. Not under particles: where the noise of the motion is small they collapse,
+/// and what they then make of a measurement says nothing of the law of its errors.
 fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
     const RESTART: f64 = -100.0;
     // What a gate refuses has no evidence that could be compared: both sides take every measurement.
     let mut spec = spec.clone();
-    if !has_modes(&spec.filter.name) {
-        spec.filter.name = "ukf".to_owned();
+    match Kind::named(&spec.filter.name) {
+        Ok(kind) if !kind.modes => spec.filter.name = "ukf".to_owned(),
+        Ok(kind) if kind.form != Form::Gaussian => spec.filter.name = "imm-ukf".to_owned(),
+        _ => {}
     }
     spec.sensors.values_mut().for_each(|sensor| sensor.gate = None);
     let Ok(mut tracker) = spec.build(Engine::default()) else { return f64::NEG_INFINITY };
@@ -168,7 +171,7 @@ fn search(
     reach: Option<f64>,
 ) -> Result<(f64, Vec<f64>)> {
     if has_modes(&spec.filter.name) {
-        return search_modes(spec, unknown, targets);
+        return search_modes(spec, unknown, targets, reach);
     }
     let evidence = |logs: &[f64]| evidence_of(spec, unknown, logs, targets, reach);
     let start = sizes(unknown);
@@ -192,8 +195,13 @@ fn search(
 }
 
 /// The same for a filter with modes.
-fn search_modes(spec: &TrackerSpec, unknown: &[Unknown], targets: &[Vec<&Plot>]) -> Result<(f64, Vec<f64>)> {
-    let evidence = |logs: &[f64]| evidence_of(spec, unknown, logs, targets, None);
+fn search_modes(
+    spec: &TrackerSpec,
+    unknown: &[Unknown],
+    targets: &[Vec<&Plot>],
+    reach: Option<f64>,
+) -> Result<(f64, Vec<f64>)> {
+    let evidence = |logs: &[f64]| evidence_of(spec, unknown, logs, targets, reach);
     let start = sizes(unknown);
     // Without modes first: that is quick, and its noises are near those sought.
     let mut plain = spec.clone();
@@ -350,7 +358,7 @@ impl WithMotion for Evidence<'_> {
                 let silent =
                     |b: &Belief<N>| plot.time - b.time() > self.spec.life.max_gap || plot.time < b.time();
                 let Some(current) = belief.as_mut().filter(|b| !silent(b)) else {
-                    let formed = |(law, _)| rules.form("", 1, plot.time, law, 0);
+                    let formed = |(law, _)| rules.form(rules.stream_of("", 1), plot.time, law, 0);
                     belief = rules.begin(plot)?.map(formed).transpose()?;
                     continue;
                 };

@@ -25,26 +25,31 @@
 //! # Ok::<(), zerre::Error>(())
 //! ```
 
+mod belief;
+mod kind;
 mod learn;
 mod modes;
 mod motion;
 mod plot;
+mod row;
+mod rules;
 mod saved;
 mod sensor;
+mod spec;
 mod tail;
 mod tracker;
 
+pub use kind::{has_modes, has_particles};
 pub use learn::{HEAVY_TAILS, Learnt, Unknown, learn};
-pub use modes::{ModeSpec, has_modes, has_turns};
+pub use modes::{Mode, ModeSpec, has_turns};
 pub use motion::MotionSpec;
 pub use plot::{Plot, Reading};
+pub use row::{Event, Innovation, Row, State};
 pub use saved::{SavedTracker, VERSION};
 pub use sensor::{DEFAULT_SENSOR, Noise, SensorSpec};
+pub use spec::{Engine, Estimate, FilterSpec, LifeSpec, StartSpec, TrackerSpec};
 pub use tail::Robust;
-pub use tracker::{
-    Engine, Estimate, Event, FilterSpec, Innovation, LifeSpec, Row, StartSpec, State, Tracker, TrackerSpec,
-    stable_hash,
-};
+pub use tracker::{Tracker, stable_hash};
 
 #[cfg(test)]
 mod tests;

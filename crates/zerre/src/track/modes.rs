@@ -7,7 +7,7 @@ use crate::model::{Chain, JumpMarkov};
 use crate::time::Span;
 use serde::{Deserialize, Serialize};
 
-/// How a target manoeuvres, for the filters of which [`has_modes`] holds; others ignore it.
+/// How a target manoeuvres, for the filters of which [`has_modes`](super::has_modes) holds; others ignore it.
 ///
 /// The quiet mode is the motion itself. The manoeuvring mode is the same motion with more noise. With
 /// `constant-velocity` in the plane there are two modes more: turns to the left and to the right at one rate, with the
@@ -47,20 +47,52 @@ impl ModeSpec {
     }
 }
 
-/// Whether the filter of this name takes several modes of a motion into account.
-pub fn has_modes(filter: &str) -> bool {
-    matches!(filter, "imm-kalman" | "imm-ekf" | "imm-ukf")
-}
-
 /// Whether a motion has turning modes.
 pub fn has_turns(motion: &str, dimensions: usize) -> bool {
     motion == "constant-velocity" && dimensions == 2
 }
 
+/// A way to move, of those that a filter switches between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Mode {
+    /// The motion itself.
+    Quiet,
+    /// Straight on, where other modes turn.
+    Straight,
+    /// A turn to the left.
+    Left,
+    /// A turn to the right.
+    Right,
+    /// With much noise.
+    Manoeuvre,
+}
+
+impl Mode {
+    /// The word for tables: `quiet`, `left`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Mode::Quiet => "quiet",
+            Mode::Straight => "straight",
+            Mode::Left => "left",
+            Mode::Right => "right",
+            Mode::Manoeuvre => "manoeuvre",
+        }
+    }
+}
+
+/// The modes of a motion, and what they are.
+pub(super) struct Modes<A> {
+    pub(super) model: JumpMarkov<A>,
+    /// Side by side with those of the model.
+    pub(super) names: Vec<Mode>,
+}
+
 /// A motion, and its modes where a filter asks for them.
 pub(super) struct Moves<A> {
     pub(super) quiet: A,
-    pub(super) modes: Option<JumpMarkov<A>>,
+    pub(super) modes: Option<Modes<A>>,
 }
 
 impl<A: Clone> Moves<A> {
@@ -71,7 +103,7 @@ impl<A: Clone> Moves<A> {
         make: impl Fn(&MotionSpec) -> Result<A>,
     ) -> Result<Moves<A>> {
         let quiet = make(spec)?;
-        let modes = if jumping { vec![quiet.clone()] } else { Vec::new() };
+        let modes = if jumping { vec![(Mode::Quiet, quiet.clone())] } else { Vec::new() };
         Moves::with_manoeuvre(spec, quiet, modes, make)
     }
 
@@ -79,7 +111,7 @@ impl<A: Clone> Moves<A> {
     fn with_manoeuvre(
         spec: &MotionSpec,
         quiet: A,
-        mut modes: Vec<A>,
+        mut modes: Vec<(Mode, A)>,
         make: impl Fn(&MotionSpec) -> Result<A>,
     ) -> Result<Moves<A>> {
         if modes.is_empty() {
@@ -91,10 +123,11 @@ impl<A: Clone> Moves<A> {
         {
             let mut wild = spec.clone();
             wild.set_wander(wander * factor);
-            modes.push(make(&wild)?);
+            modes.push((Mode::Manoeuvre, make(&wild)?));
         }
-        let chain = spec.modes.chain(modes.len())?;
-        Ok(Moves { quiet, modes: Some(JumpMarkov::new(modes, chain)?) })
+        let (names, motions): (Vec<_>, Vec<_>) = modes.into_iter().unzip();
+        let model = JumpMarkov::new(motions, spec.modes.chain(names.len())?)?;
+        Ok(Moves { quiet, modes: Some(Modes { model, names }) })
     }
 }
 
@@ -105,9 +138,9 @@ impl Moves<CoordinatedTurn> {
         let rate = spec.modes.turn_rate_rad_s.unwrap_or(ModeSpec::TURN_RATE_RAD_S);
         let rate = Error::not_negative("turn_rate_rad_s of the modes", rate)?;
         let quiet = turn(spec, 0.0)?;
-        let mut modes = vec![quiet];
+        let mut modes = vec![(Mode::Straight, quiet)];
         if rate > 0.0 {
-            modes.extend([turn(spec, rate)?, turn(spec, -rate)?]);
+            modes.extend([(Mode::Left, turn(spec, rate)?), (Mode::Right, turn(spec, -rate)?)]);
         }
         Moves::with_manoeuvre(spec, quiet, modes, |spec| turn(spec, 0.0))
     }

@@ -1,9 +1,15 @@
 //! Tracks at rest: what is written to a file and taken up again.
 
 use super::TrackerSpec;
-use crate::belief::{Gaussian, GaussianBelief, ModalGaussian, SavedCloud};
+use super::belief::Belief;
+use crate::belief::{
+    Cloud, Gaussian, GaussianBelief, Hypotheses, Hypothesis, ModalCloud, ModalGaussian, SavedCloud,
+    SavedModalCloud,
+};
 use crate::error::{Error, Result};
+use crate::filter::{ModalBelief, SavedModalBelief};
 use crate::math::Matrix;
+use crate::rng::Stream;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 
@@ -70,48 +76,74 @@ pub(super) struct SavedTarget {
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SavedBelief {
     Gaussian { time: Time, mean: Vec<f64>, covariance: Vec<Vec<f64>> },
-    Modal { time: Time, modes: Vec<SavedMode> },
+    Modal { time: Time, modes: Vec<SavedPart> },
+    Hypotheses { time: Time, stream: Stream, step: u64, modes: usize, all: Vec<(usize, SavedPart)> },
     Cloud(SavedCloud),
+    EveryMode(SavedModalBelief),
+    Interacting(SavedModalCloud),
 }
 
-/// A mode of a belief: its probability, and the law given it.
+/// A part of a mixture: its probability, and the law given it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct SavedMode {
+pub(super) struct SavedPart {
     probability: f64,
     mean: Vec<f64>,
     covariance: Vec<Vec<f64>>,
 }
 
+impl SavedPart {
+    fn of<const N: usize>(probability: f64, law: &Gaussian<N>) -> SavedPart {
+        let (mean, covariance) = numbers(law);
+        SavedPart { probability, mean, covariance }
+    }
+}
+
 impl SavedBelief {
-    pub(super) fn gaussian<const N: usize>(belief: &GaussianBelief<N>) -> SavedBelief {
-        let (mean, covariance) = numbers(&belief.state);
-        SavedBelief::Gaussian { time: belief.time, mean, covariance }
+    pub(super) fn of<const N: usize>(belief: &Belief<N>) -> SavedBelief {
+        match belief {
+            Belief::Gaussian(GaussianBelief { time, state }) => {
+                let (mean, covariance) = numbers(state);
+                SavedBelief::Gaussian { time: *time, mean, covariance }
+            }
+            Belief::Modal(belief) => {
+                let part = |(j, &p): (usize, &f64)| SavedPart::of(p, belief.mode(j));
+                let modes = belief.probabilities().iter().enumerate().map(part).collect();
+                SavedBelief::Modal { time: belief.time(), modes }
+            }
+            Belief::Hypotheses(belief) => SavedBelief::Hypotheses {
+                time: belief.time,
+                stream: belief.stream,
+                step: belief.step,
+                modes: belief.modes,
+                all: belief.iter().map(|h| (h.mode, SavedPart::of(h.weight, &h.law))).collect(),
+            },
+            Belief::Cloud(cloud) => SavedBelief::Cloud(cloud.saved()),
+            Belief::EveryMode(belief) => SavedBelief::EveryMode(belief.saved()),
+            Belief::Interacting(cloud) => SavedBelief::Interacting(cloud.saved()),
+        }
     }
 
-    pub(super) fn modal<const N: usize>(belief: &ModalGaussian<N>) -> SavedBelief {
-        let mode = |(j, &probability): (usize, &f64)| {
-            let (mean, covariance) = numbers(belief.mode(j));
-            SavedMode { probability, mean, covariance }
-        };
-        let modes = belief.probabilities().iter().enumerate().map(mode).collect();
-        SavedBelief::Modal { time: belief.time(), modes }
-    }
-
-    pub(super) fn restored<const N: usize>(
-        time: Time,
-        mean: Vec<f64>,
-        covariance: Vec<Vec<f64>>,
-    ) -> Result<GaussianBelief<N>> {
-        Ok(GaussianBelief { time, state: law(mean, covariance)? })
-    }
-
-    pub(super) fn restored_modes<const N: usize>(
-        time: Time,
-        modes: Vec<SavedMode>,
-    ) -> Result<ModalGaussian<N>> {
-        let probabilities = modes.iter().map(|mode| mode.probability).collect();
-        let laws = modes.into_iter().map(|mode| law(mode.mean, mode.covariance)).collect::<Result<_>>()?;
-        ModalGaussian::new(time, probabilities, laws)
+    pub(super) fn restored<const N: usize>(self) -> Result<Belief<N>> {
+        Ok(match self {
+            SavedBelief::Gaussian { time, mean, covariance } => {
+                Belief::Gaussian(GaussianBelief { time, state: law(mean, covariance)? })
+            }
+            SavedBelief::Modal { time, modes } => {
+                let probabilities = modes.iter().map(|mode| mode.probability).collect();
+                let laws = modes.into_iter().map(|mode| law(mode.mean, mode.covariance));
+                Belief::Modal(ModalGaussian::new(time, probabilities, laws.collect::<Result<_>>()?)?)
+            }
+            SavedBelief::Hypotheses { time, stream, step, modes, all } => {
+                let hypothesis = |(mode, part): (usize, SavedPart)| {
+                    Ok(Hypothesis { mode, weight: part.probability, law: law(part.mean, part.covariance)? })
+                };
+                let all = all.into_iter().map(hypothesis).collect::<Result<_>>()?;
+                Belief::Hypotheses(Hypotheses { step, ..Hypotheses::new(time, stream, modes, all)? })
+            }
+            SavedBelief::Cloud(cloud) => Belief::Cloud(Box::new(Cloud::restore(cloud)?)),
+            SavedBelief::EveryMode(belief) => Belief::EveryMode(Box::new(ModalBelief::restore(belief)?)),
+            SavedBelief::Interacting(cloud) => Belief::Interacting(Box::new(ModalCloud::restore(cloud)?)),
+        })
     }
 }
 

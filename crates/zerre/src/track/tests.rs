@@ -1,3 +1,7 @@
+//! What trackers do, whatever the filter; [`modes`] has those for manoeuvring targets.
+
+mod modes;
+
 use super::*;
 use crate::catalog::{FILTERS, MOTIONS};
 use crate::error::Error;
@@ -5,6 +9,7 @@ use crate::filter::Filter;
 use crate::kernels::{Simd, Threads};
 use crate::model::motion::ConstantVelocity;
 use crate::model::simulate;
+use crate::resample::Trigger;
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use proptest::prelude::*;
@@ -427,9 +432,10 @@ proptest! {
     #[test]
     fn any_plot_is_taken_or_refused(
         steps in prop::collection::vec((0usize..7, prop::num::f64::ANY, -3.0e3..3.0e3, -4.0..4.0, -5.0..400.0), 1..25),
-        filter in 0usize..4,
+        filter in 0usize..7,
     ) {
-        let mut spec = spec(["ekf", "ukf", "particle", "sis"][filter], "constant-velocity", 2);
+        let names = ["ekf", "ukf", "particle", "sis", "mmpf", "imm-pf", "rb-mmpf"];
+        let mut spec = spec(names[filter], "constant-velocity", 2);
         spec.filter.particles = 40;
         let mut tracker = spec.build(Engine::default()).unwrap();
         let mut time: f64 = 0.0;
@@ -448,105 +454,5 @@ proptest! {
                 prop_assert!(row.mean.iter().chain(&row.covariance).all(|v| v.is_finite()));
             }
         }
-    }
-}
-
-/// One mode is the filter without modes: the innovations come by another way of computing the same, hence the
-/// tolerance of sums of squares of some ten numbers, each with a relative error of some 1e-12.
-#[test]
-fn one_mode_is_the_filter_without_modes() {
-    for filter in ["kalman", "ekf", "ukf"] {
-        for motion in ["constant-velocity", "constant-acceleration", "random-walk"] {
-            let alone = spec(filter, motion, 2);
-            let mut modal = spec(&format!("imm-{filter}"), motion, 2);
-            modal.motion.modes =
-                ModeSpec { turn_rate_rad_s: Some(0.0), manoeuvre_factor: Some(1.0), stay_s: Some(5.0) };
-            let plots = two_targets(30);
-            let pairs = rows(&alone, Engine::default(), &plots).into_iter().zip(rows(
-                &modal,
-                Engine::default(),
-                &plots,
-            ));
-            for (a, b) in pairs {
-                assert_eq!((&a.id, a.event), (&b.id, b.event));
-                let near = |x: f64, y: f64| (x - y).abs() <= 1e-8 * (1.0 + x.abs());
-                assert!(a.mean.iter().zip(&b.mean).all(|(&x, &y)| near(x, y)), "{a:?}\n{b:?}");
-                assert!(a.covariance.iter().zip(&b.covariance).all(|(&x, &y)| near(x, y)), "{a:?}\n{b:?}");
-                assert_eq!(a.update.is_some(), b.update.is_some());
-                if let (Some(x), Some(y)) = (a.update, b.update) {
-                    assert!(near(x.log_evidence, y.log_evidence), "{x:?} {y:?}");
-                }
-                assert_eq!(a.innovation.is_some(), b.innovation.is_some());
-                if let (Some(x), Some(y)) = (a.innovation, b.innovation) {
-                    assert!(near(x.nis, y.nis), "{x:?} {y:?}");
-                }
-            }
-        }
-    }
-}
-
-/// A target that flies straight, circles at 0.1 rad/s and flies straight again, measured to 2 m: its modes are found,
-/// and saved tracks go on to the same bits, also in the midst of the turn.
-#[test]
-fn modes_follow_a_turn_and_survive_being_saved() {
-    let mut draws = Stream::new(8).draws(Purpose::Other, 0, 0);
-    let (mut x, mut y, mut heading) = (0.0_f64, 0.0_f64, 0.3_f64);
-    let mut plots = Vec::new();
-    for k in 0..120 {
-        heading += if (40..80).contains(&k) { 0.1 } else { 0.0 };
-        (x, y) = (x + 30.0 * heading.cos(), y + 30.0 * heading.sin());
-        let z = [x + 2.0 * draws.normal(), y + 2.0 * draws.normal()];
-        plots.push(plot("a", f64::from(k), Reading::Position2(z)));
-    }
-    let evidence = |filter: &str, sd: f64| {
-        let mut spec = spec(filter, "constant-velocity", 2);
-        spec.motion.acceleration_sd_mps2 = Some(sd);
-        spec.motion.modes.turn_rate_rad_s = Some(0.1);
-        rows(&spec, Engine::default(), &plots)
-            .iter()
-            .filter_map(|row| row.update)
-            .map(|u| u.log_evidence)
-            .sum()
-    };
-    // 3 m/s^2 is the acceleration of the turn; whatever one noise is taken, two straight legs and a turn lose by it.
-    let alone = [0.03, 0.1, 0.3, 1.0, 3.0].map(|sd| evidence("ekf", sd)).into_iter().fold(f64::MIN, f64::max);
-    let modal: f64 = evidence("imm-ekf", 0.1);
-    assert!(modal > alone + 20.0, "{modal} {alone}");
-
-    for filter in ["imm-ekf", "imm-ukf", "imm-kalman"] {
-        let spec = spec(filter, "constant-velocity", 2);
-        let mut whole = spec.build(Engine::default()).unwrap();
-        plots[..60].iter().for_each(|plot| drop(whole.push(plot).unwrap()));
-        let text = serde_json::to_string(&whole.save()).unwrap();
-        let mut again = spec.build(Engine::default()).unwrap();
-        again.restore(serde_json::from_str(&text).unwrap()).unwrap();
-        for plot in &plots[60..] {
-            assert_eq!(whole.push(plot).unwrap(), again.push(plot).unwrap());
-        }
-        // The same specification, but a belief that lost a mode.
-        let mut saved: serde_json::Value = serde_json::from_str(&text).unwrap();
-        let modes = saved["targets"][0][1]["belief"]["modal"]["modes"].as_array_mut().unwrap();
-        modes.truncate(1);
-        modes[0]["probability"] = 1.0.into();
-        let lost = again.restore(serde_json::from_value(saved).unwrap()).unwrap_err().to_string();
-        assert!(lost.contains("other modes"), "{lost}");
-    }
-}
-
-#[test]
-fn modes_without_a_meaning_are_refused() {
-    for modes in [
-        ModeSpec { stay_s: Some(0.0), ..ModeSpec::default() },
-        ModeSpec { stay_s: Some(f64::NAN), ..ModeSpec::default() },
-        ModeSpec { turn_rate_rad_s: Some(-0.1), ..ModeSpec::default() },
-        ModeSpec { manoeuvre_factor: Some(0.9), ..ModeSpec::default() },
-        ModeSpec { manoeuvre_factor: Some(f64::INFINITY), ..ModeSpec::default() },
-    ] {
-        let mut spec = spec("imm-ekf", "constant-velocity", 2);
-        spec.motion.modes = modes.clone();
-        assert!(spec.build(Engine::default()).is_err(), "{modes:?}");
-        // Filters without modes do not look at them.
-        spec.filter.name = "ekf".to_owned();
-        assert!(spec.build(Engine::default()).is_ok());
     }
 }
