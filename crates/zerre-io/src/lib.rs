@@ -33,5 +33,5 @@ pub use geo::{Geodetic, LocalFrame};
 pub use header::Ignored;
 pub use rows::{Counts, MAX_LINE_BYTES, Options, Rejection, Summary};
 pub use table::{Recording, TableReader};
-pub use tracks::{Component, TrackCsv, TrackRow, TrackTable, Unit};
+pub use tracks::{Component, LikelyMode, TrackCsv, TrackRow, TrackTable, Unit};
 pub use truth::{Trajectories, Trajectory, TrajectoryPoint};

@@ -1,15 +1,14 @@
-//! Tracks as tables: CSV, Parquet and GeoJSON.
+//! Tracks as tables: CSV and Parquet here, GeoJSON beside.
+
+mod geojson;
 
 use crate::error::{Error, Result};
-use crate::geo::{Geodetic, LocalFrame};
 use parquet::basic::{ConvertedType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -100,19 +99,36 @@ pub struct TrackRow {
     pub log_evidence: Option<f64>,
     /// What became of the update, in a word.
     pub outcome: String,
+    /// How the target most probably moves, where the filter tells ways to move apart.
+    pub mode: Option<LikelyMode>,
+}
+
+/// The most probable of several ways to move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LikelyMode {
+    /// Its name.
+    pub name: String,
+    /// Its probability.
+    pub probability: f64,
 }
 
 /// Estimates with the names and units of their components. Every row fits: n means, n x n covariances, all finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackTable {
     components: Vec<Component>,
+    modes: bool,
     rows: Vec<TrackRow>,
 }
 
 impl TrackTable {
     /// An empty table.
     pub fn new(components: Vec<Component>) -> TrackTable {
-        TrackTable { components, rows: Vec::new() }
+        TrackTable { components, modes: false, rows: Vec::new() }
+    }
+
+    /// An empty table with columns for the most probable mode.
+    pub fn with_modes(components: Vec<Component>) -> TrackTable {
+        TrackTable { modes: true, ..TrackTable::new(components) }
     }
 
     /// The components of the state.
@@ -128,20 +144,21 @@ impl TrackTable {
     /// Appends a row.
     ///
     /// # Errors
-    /// [`Error::BadTrackRow`] if it does not fit the components or holds a number that is not finite.
+    /// [`Error::BadTrackRow`] if it does not fit the columns or holds a number that is not finite.
     pub fn push(&mut self, row: TrackRow) -> Result<()> {
-        check(&self.components, &row)?;
+        check(&self.components, self.modes, &row)?;
         self.rows.push(row);
         Ok(())
     }
 
     /// Writes CSV: `id`, `time_s` (exact decimal text), means, the upper triangle of the covariance, the
-    /// log-evidence (empty without a measurement) and the outcome.
+    /// log-evidence (empty without a measurement), the outcome and, in a table that has them, `mode` and
+    /// `mode_probability`.
     ///
     /// # Errors
     /// Those of `out`.
     pub fn write_csv(&self, out: impl Write) -> io::Result<()> {
-        let mut csv = TrackCsv::new(out, &self.components)?;
+        let mut csv = TrackCsv::of(out, &self.components, self.modes)?;
         for row in &self.rows {
             csv.put(row)?;
         }
@@ -176,6 +193,11 @@ impl TrackTable {
         }
         fields.push(double("log_evidence", Repetition::OPTIONAL)?);
         fields.push(text("outcome")?);
+        if self.modes {
+            let optional = Repetition::OPTIONAL;
+            fields.push(leaf("mode", Physical::BYTE_ARRAY, ConvertedType::UTF8, optional)?);
+            fields.push(double("mode_probability", optional)?);
+        }
         let schema = Arc::new(Type::group_type_builder("tracks").with_fields(fields).build()?);
         let mut writer =
             SerializedFileWriter::new(out, schema, Arc::new(WriterProperties::builder().build()))?;
@@ -194,43 +216,18 @@ impl TrackTable {
                 Some(present),
             )?;
             column::<ByteArrayType, _>(&mut group, rows.iter().map(|r| bytes(&r.outcome)).collect(), None)?;
+            if self.modes {
+                let modes = || rows.iter().filter_map(|r| r.mode.as_ref());
+                let present: Vec<_> = rows.iter().map(|r| i16::from(r.mode.is_some())).collect();
+                let names = modes().map(|mode| bytes(&mode.name)).collect();
+                column::<ByteArrayType, _>(&mut group, names, Some(present.clone()))?;
+                let probabilities = modes().map(|mode| mode.probability).collect();
+                column::<DoubleType, _>(&mut group, probabilities, Some(present))?;
+            }
             group.close()?;
         }
         writer.close()?;
         Ok(())
-    }
-
-    /// Writes GeoJSON (RFC 7946): a line for each track with its identity, start, end and number of points as
-    /// properties; cut at the antimeridian, a point where there is only one. Heights are left out,
-    /// and positions beyond the reach of the frame ([`LocalFrame::surface`]).
-    ///
-    /// # Errors
-    /// [`Error::NoPosition`] unless there are components `x` and `y` in metres.
-    pub fn geojson(&self, frame: &LocalFrame) -> Result<String> {
-        let find = |name: &str| self.components.iter().position(|c| c.name == name && c.unit == Unit::M);
-        let (Some(x), Some(y)) = (find("x"), find("y")) else { return Err(Error::NoPosition) };
-        let mut tracks: BTreeMap<&str, Vec<&TrackRow>> = BTreeMap::new();
-        for row in &self.rows {
-            tracks.entry(&row.id).or_default().push(row);
-        }
-        let features: Vec<Value> = tracks
-            .into_iter()
-            .filter_map(|(id, mut rows)| {
-                rows.sort_by_key(|r| r.time);
-                let places =
-                    rows.iter().filter_map(|r| frame.surface([r.mean[x], r.mean[y]])).collect::<Vec<_>>();
-                let geometry = geometry(&places)?;
-                let (first, last) = (rows.first()?, rows.last()?);
-                let properties = json!({
-                    "id": id,
-                    "start_s": first.time.to_string(),
-                    "end_s": last.time.to_string(),
-                    "points": places.len(),
-                });
-                Some(json!({ "type": "Feature", "properties": properties, "geometry": geometry }))
-            })
-            .collect();
-        Ok(json!({ "type": "FeatureCollection", "features": features }).to_string())
     }
 }
 
@@ -238,6 +235,7 @@ impl TrackTable {
 pub struct TrackCsv<W: Write> {
     out: csv::Writer<W>,
     components: Vec<Component>,
+    modes: bool,
     numbers: Vec<(String, Number)>,
 }
 
@@ -247,20 +245,34 @@ impl<W: Write> TrackCsv<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, components: &[Component]) -> io::Result<TrackCsv<W>> {
+        TrackCsv::of(out, components, false)
+    }
+
+    /// The same with columns for the most probable mode.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn with_modes(out: W, components: &[Component]) -> io::Result<TrackCsv<W>> {
+        TrackCsv::of(out, components, true)
+    }
+
+    fn of(out: W, components: &[Component], modes: bool) -> io::Result<TrackCsv<W>> {
         let numbers = number_columns(components);
         let mut out = csv::Writer::from_writer(out);
         let names = numbers.iter().map(|(name, _)| name.as_str());
-        out.write_record(["id", "time_s"].into_iter().chain(names).chain(["log_evidence", "outcome"]))?;
-        Ok(TrackCsv { out, components: components.to_vec(), numbers })
+        let of_modes: &[&str] = if modes { &["mode", "mode_probability"] } else { &[] };
+        let last = ["log_evidence", "outcome"].iter().chain(of_modes).copied();
+        out.write_record(["id", "time_s"].into_iter().chain(names).chain(last))?;
+        Ok(TrackCsv { out, components: components.to_vec(), modes, numbers })
     }
 
     /// Writes a row and hands it on at once.
     ///
     /// # Errors
-    /// [`Error::BadTrackRow`] if it does not fit the components, [`Error::Write`] of a file named `-` if the
+    /// [`Error::BadTrackRow`] if it does not fit the columns, [`Error::Write`] of a file named `-` if the
     /// stream refuses.
     pub fn write(&mut self, row: &TrackRow) -> Result<()> {
-        check(&self.components, row)?;
+        check(&self.components, self.modes, row)?;
         let written = self.put(row).and_then(|()| self.out.flush());
         written.map_err(|source| Error::Write { path: "-".into(), source })
     }
@@ -274,6 +286,11 @@ impl<W: Write> TrackCsv<W> {
         }
         self.out.write_field(row.log_evidence.map_or(String::new(), |l| format!("{l:?}")))?;
         self.out.write_field(&row.outcome)?;
+        if self.modes {
+            let mode = row.mode.as_ref();
+            self.out.write_field(mode.map_or("", |mode| &mode.name))?;
+            self.out.write_field(mode.map_or(String::new(), |mode| format!("{:?}", mode.probability)))?;
+        }
         self.out.write_record(None::<&[u8]>)?;
         Ok(())
     }
@@ -317,7 +334,7 @@ fn number_columns(components: &[Component]) -> Vec<(String, Number)> {
     columns
 }
 
-fn check(components: &[Component], row: &TrackRow) -> Result<()> {
+fn check(components: &[Component], modes: bool, row: &TrackRow) -> Result<()> {
     let n = components.len();
     let bad = |problem: String| Err(Error::BadTrackRow { id: row.id.to_string(), time: row.time, problem });
     if row.mean.len() != n || row.covariance.len() != n * n {
@@ -330,6 +347,13 @@ fn check(components: &[Component], row: &TrackRow) -> Result<()> {
         let worst = numbers.find(|(_, value)| !value.is_finite());
         let (name, value) = worst.unwrap_or(("the lower triangle of the covariance".into(), f64::NAN));
         return bad(format!("{name} is {value}, a finite number is needed"));
+    }
+    match &row.mode {
+        Some(_) if !modes => return bad("a mode, for which the table has no column".to_owned()),
+        Some(LikelyMode { probability: p, .. }) if !(0.0..=1.0).contains(p) => {
+            return bad(format!("mode_probability is {p}, a number from 0 to 1 is needed"));
+        }
+        _ => {}
     }
     match row.log_evidence {
         Some(l) if !l.is_finite() => bad(format!("log_evidence is {l}, a finite number is needed")),
@@ -359,41 +383,13 @@ fn column<T: DataType, W: Write + Send>(
     column.close()
 }
 
-/// A line through the places; `None` without any.
-fn geometry(places: &[Geodetic]) -> Option<Value> {
-    let mut lines: Vec<Vec<[f64; 2]>> = vec![vec![position(places.first()?)]];
-    for (a, b) in places.iter().zip(&places[1..]) {
-        // A step of more than half a turn goes the other way round (RFC 7946, section 3.1.9).
-        if (b.lon_deg - a.lon_deg).abs() > 180.0 {
-            let side = a.lon_deg.signum() * 180.0;
-            let (before, after) = ((side - a.lon_deg).abs(), (side + b.lon_deg).abs());
-            let share = if before + after > 0.0 { before / (before + after) } else { 0.0 };
-            let lat_deg = a.lat_deg + share * (b.lat_deg - a.lat_deg);
-            let edge = |lon_deg| position(&Geodetic { lat_deg, lon_deg, alt_m: 0.0 });
-            lines.last_mut()?.push(edge(side));
-            lines.push(vec![edge(-side)]);
-        }
-        lines.last_mut()?.push(position(b));
-    }
-    Some(match &lines[..] {
-        [line] if line.len() == 1 => json!({ "type": "Point", "coordinates": line[0] }),
-        [line] => json!({ "type": "LineString", "coordinates": line }),
-        _ => json!({ "type": "MultiLineString", "coordinates": lines }),
-    })
-}
-
-/// Longitude and latitude in degrees to eight decimals: a millimetre.
-fn position(place: &Geodetic) -> [f64; 2] {
-    [place.lon_deg, place.lat_deg].map(|v| (v * 1e8).round() / 1e8)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::RowAccessor;
 
-    fn table() -> TrackTable {
+    pub(super) fn table() -> TrackTable {
         let mut table = TrackTable::new(vec![
             Component::new("x", Unit::M),
             Component::new("y", Unit::M),
@@ -409,6 +405,7 @@ mod tests {
                 covariance: vec![1.0, 0.5, 0.25, 0.5, 2.0, 0.125, 0.25, 0.125, 3.0],
                 log_evidence: (nanos % 2 == 0).then_some(-1.5),
                 outcome: "accepted".into(),
+                mode: None,
             };
             table.push(row).unwrap();
         }
@@ -470,6 +467,40 @@ mod tests {
     }
 
     #[test]
+    fn modes_are_columns_of_tables_that_have_them() {
+        let mut with = TrackTable::with_modes(table().components().to_vec());
+        for (row, name) in table().rows().iter().zip([None, Some("left")]) {
+            let mode = name.map(|name| LikelyMode { name: name.to_owned(), probability: 0.75 });
+            with.push(TrackRow { mode, ..row.clone() }).unwrap();
+        }
+        let mut out = Vec::new();
+        with.write_csv(&mut out).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        let ends: Vec<_> =
+            text.lines().map(|line| line.rsplitn(4, ',').take(3).collect::<Vec<_>>()).collect();
+        assert_eq!(ends[0], ["mode_probability", "mode", "outcome"]);
+        assert_eq!(ends[1], ["", "", "accepted"]);
+        assert_eq!(ends[2], ["0.75", "left", "accepted"]);
+        let back = crate::Trajectories::read("tracks.csv", text.as_bytes(), &crate::Options::default());
+        assert_eq!(back.unwrap().by_id["a,b"].points().len(), 2);
+
+        let mut out = Vec::new();
+        with.write_parquet(&mut out).unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(out)).unwrap();
+        let rows: Vec<_> = reader.get_row_iter(None).unwrap().map(|r| r.unwrap()).collect();
+        assert_eq!(
+            (rows[1].get_string(13).unwrap().as_str(), rows[1].get_double(14).unwrap()),
+            ("left", 0.75)
+        );
+        assert!(rows[0].get_string(13).is_err() && rows[0].get_double(14).is_err(), "absent");
+
+        let row = with.rows()[1].clone();
+        assert!(table().push(row.clone()).unwrap_err().to_string().contains("no column"));
+        let mode = Some(LikelyMode { name: "left".to_owned(), probability: f64::NAN });
+        assert!(with.push(TrackRow { mode, ..row }).unwrap_err().to_string().contains("mode_probability"));
+    }
+
+    #[test]
     fn a_full_disk_keeps_its_kind() {
         struct Full;
         impl Write for Full {
@@ -490,32 +521,5 @@ mod tests {
         let mut row = table.rows()[0].clone();
         row.covariance.pop();
         assert!(matches!(table.push(row), Err(Error::BadTrackRow { .. })));
-    }
-
-    fn places(pairs: &[(f64, f64)]) -> Vec<Geodetic> {
-        pairs.iter().map(|&(lon_deg, lat_deg)| Geodetic { lat_deg, lon_deg, alt_m: 0.0 }).collect()
-    }
-
-    #[test]
-    fn geojson_is_longitude_then_latitude() {
-        let frame = LocalFrame::new(Geodetic::new(50.0, -1.0, 0.0).unwrap());
-        let value: Value = serde_json::from_str(&table().geojson(&frame).unwrap()).unwrap();
-        let feature = &value["features"][0];
-        assert_eq!(feature["geometry"]["type"], "LineString");
-        let [lon, lat] = [0, 1].map(|i| feature["geometry"]["coordinates"][0][i].as_f64().unwrap());
-        assert!((lon + 1.0).abs() < 1e-5 && (lat - 50.0).abs() < 1e-4, "{lon} {lat}");
-        assert_eq!(feature["properties"]["id"], "a,b");
-        assert_eq!(feature["properties"]["start_s"], "1626098398.996");
-        let no_position = TrackTable::new(vec![Component::new("x", Unit::M)]);
-        assert!(matches!(no_position.geojson(&frame), Err(Error::NoPosition)));
-    }
-
-    #[test]
-    fn geojson_is_cut_at_the_antimeridian() {
-        let cut = geometry(&places(&[(179.0, 0.0), (-178.0, 3.0)])).unwrap();
-        assert_eq!(cut["type"], "MultiLineString");
-        assert_eq!(cut["coordinates"], json!([[[179.0, 0.0], [180.0, 1.0]], [[-180.0, 1.0], [-178.0, 3.0]]]));
-        assert_eq!(geometry(&places(&[(1.0, 2.0)])).unwrap()["type"], "Point");
-        assert_eq!(geometry(&[]), None);
     }
 }

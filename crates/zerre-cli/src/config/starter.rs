@@ -43,7 +43,7 @@ mod tests {
     fn settled(config: &TrackConfig) -> Effective {
         let mut effective = Effective::default();
         config.input.settle(&mut effective);
-        config.filter.settle_particles(&mut effective);
+        config.filter.settle_particles("particle", &mut effective);
         config.start.settle(&mut effective);
         config.life.settle(&mut effective);
         effective

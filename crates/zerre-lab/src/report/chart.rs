@@ -11,8 +11,8 @@ const BOTTOM: f64 = 34.0;
 
 /// Something drawn; classes name styles of the page.
 pub(super) enum Layer {
-    /// (time, low, high).
-    Band(Vec<[f64; 3]>),
+    /// (time, low, high) and class.
+    Band(Vec<[f64; 3]>, &'static str),
     /// (time, value) and class.
     Line(Vec<[f64; 2]>, &'static str),
     /// (time, value) and class; those outside the levels survive thinning.
@@ -107,14 +107,14 @@ impl Chart<'_> {
         out
     }
 
-    /// A name behind its dot; alone it needs none.
+    /// A name behind its dot, on one line with it; alone it needs none.
     fn mark(&self, Key { class, name }: &Key) -> String {
         if self.key.len() == 1 {
             return Escaped(name).to_string();
         }
         format!(
-            "<svg class=\"mark\" viewBox=\"0 0 10 10\" aria-hidden=\"true\">\
-             <path class=\"{class}\" d=\"M5,5h0\"/></svg>{}",
+            "<span class=\"named\"><svg class=\"mark\" viewBox=\"0 0 10 10\" aria-hidden=\"true\">\
+             <path class=\"{class}\" d=\"M5,5h0\"/></svg>{}</span>",
             Escaped(name)
         )
     }
@@ -141,14 +141,14 @@ impl Chart<'_> {
                 });
                 format!("<path class=\"{class}\" d=\"{}\"/>", dots(kept.map(|(_, [t, v])| [x(*t), y(*v)])))
             }
-            Layer::Band(points) => {
+            Layer::Band(points, class) => {
                 let kept: Vec<[f64; 3]> = thinned(points.len(), self.limit)
                     .map(|i| points[i])
                     .filter(|p| p.iter().all(|v| v.is_finite()))
                     .collect();
                 let there = kept.iter().map(|[t, low, _]| [x(*t), y(*low)]);
                 let back = kept.iter().rev().map(|[t, _, high]| [x(*t), y(*high)]);
-                format!("<path class=\"band\" d=\"{}Z\"/>", path(there.chain(back)))
+                format!("<path class=\"{class}\" d=\"{}Z\"/>", path(there.chain(back)))
             }
         }
     }
@@ -161,7 +161,7 @@ impl Chart<'_> {
             match layer {
                 Layer::Line(points, _) | Layer::Dots(points, _) => values.extend(points.iter().map(|p| p[1])),
                 Layer::Level(v) => values.push(*v),
-                Layer::Band(points) => {
+                Layer::Band(points, _) => {
                     let sorted = |edge: usize| {
                         let mut edges: Vec<f64> =
                             points.iter().map(|p| p[edge]).filter(|v| v.is_finite()).collect();

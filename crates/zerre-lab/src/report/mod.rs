@@ -50,8 +50,8 @@ pub struct RunReport {
     pub digest: String,
 }
 
-/// One target's estimates. `times_s`, `mean`, `sd`, `position`, `position_cov`, `ess` and `log_evidence` run side
-/// by side, one entry per estimate; any may be empty where there is nothing to say.
+/// One target's estimates. `times_s`, `mean`, `sd`, `position`, `position_cov`, `ess`, `log_evidence` and
+/// `mode_probabilities` run side by side, one entry per estimate; any may be empty where there is nothing to say.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackSeries {
     /// Identity; may hold anything.
@@ -74,6 +74,10 @@ pub struct TrackSeries {
     pub particles: Option<usize>,
     /// Sum of the log-evidence up to each time.
     pub log_evidence: Vec<f64>,
+    /// Names of the ways to move that the filter tells apart, the undisturbed one first; mostly none.
+    pub modes: Vec<String>,
+    /// Their probabilities, one list of `modes.len()` numbers per time.
+    pub mode_probabilities: Vec<Vec<f64>>,
     /// Innovations, in order of time.
     pub innovations: Vec<InnovationRow>,
     /// Measurements that have a place in the plan, in metres.
@@ -366,6 +370,26 @@ mod tests {
         assert!(!render(&r).contains("position error"), "nothing is said of a truth that is not known");
     }
 
+    /// Three estimates on a line, the middle one in another mode: its step is marked, and no other.
+    #[test]
+    fn manoeuvres_are_marked() {
+        let mut r = report(1, 3);
+        assert!(!render(&r).contains("manoeuvring") && !plan_svg(&r).contains("manoeuvring"));
+        let track = &mut r.tracks[0];
+        track.modes = vec!["straight".into(), "left".into()];
+        track.mode_probabilities = vec![vec![0.5, 0.5], vec![0.2, 0.8], vec![0.9, 0.1]];
+        for text in [render(&r), plan_svg(&r)] {
+            assert!(text.contains("manoeuvring"));
+            let marks: Vec<&str> = text.split("class=\"wild\" d=\"").skip(1).collect();
+            // The last one is the track's, the others are of the keys.
+            let mark = marks.last().unwrap().split('"').next().unwrap();
+            assert_eq!((mark.matches('M').count(), mark.matches('L').count()), (1, 1), "{mark}");
+        }
+        let page = render(&r);
+        assert!(page.contains("aria-label=\"mode probabilities: straight, left over time\""));
+        assert!(page.contains("class=\"mode1\"") && is_balanced(&without_script(&page)));
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig {
             rng_seed: RngSeed::Fixed(10),
@@ -397,6 +421,8 @@ mod tests {
                     ess: numbers.iter().copied().map(Some).collect(),
                     innovations: times.iter().map(innovation).collect(),
                     log_evidence: numbers.clone(),
+                    modes: vec![String::new(); numbers.len()],
+                    mode_probabilities: times.iter().map(|_| numbers.clone()).collect(),
                     plots: places.clone(),
                     position: places,
                     position_cov: covariances,

@@ -212,6 +212,9 @@ fn plan_section(out: &mut String, report: &RunReport) {
         out.push_str(&format!("<li><svg viewBox=\"0 0 22 14\" aria-hidden=\"true\">{mark}</svg>{text}</li>"));
     };
     key("<path class=\"mean\" d=\"M1,7h20\"/>", "track");
+    if plan::shows_modes(report) {
+        key("<path class=\"wild\" d=\"M5,7h12\"/><path class=\"mean\" d=\"M1,7h20\"/>", "manoeuvring");
+    }
     if report.tracks.iter().any(|t| t.truth.is_some()) {
         key("<path class=\"truth\" d=\"M1,7h20\"/>", "truth");
     }
@@ -250,7 +253,8 @@ fn tracks(out: &mut String, report: &RunReport, clock: &Clock) {
             "<p class=\"small\">Charts follow for the {charts} tracks with the most updates.</p>"
         ));
     }
-    let lines: usize = report.tracks.iter().map(|t| 4 * t.states.len() + 6).max().unwrap_or(1);
+    let lines: usize =
+        report.tracks.iter().map(|t| 4 * t.states.len() + 2 * t.modes.len() + 6).max().unwrap_or(1);
     let limit = (CHART_POINTS / (lines * charts.max(1))).clamp(60, 600);
     if report.tracks.iter().any(|t| t.times_s.len() > limit) {
         out.push_str(&format!(
@@ -326,8 +330,12 @@ fn details(
     if !errors.is_empty() {
         let radius = |c: &[f64; 3]| plan::radius_95(*c);
         let band = times.iter().zip(&track.position_cov).map(|(t, c)| [*t, 0.0, radius(c)]).collect();
-        let layers = vec![Layer::Band(band), Layer::Line(errors, "mean")];
+        let layers = vec![Layer::Band(band, "band"), Layer::Line(errors, "mean")];
         chart("position error (shaded: 95 % radius)", Vec::new(), "m", true, layers);
+    }
+    if track.modes.len() > 1 {
+        let (key, layers) = mode_layers(track, &times);
+        chart("mode probabilities", key, "", true, layers);
     }
     if track.ess.iter().any(Option::is_some) {
         let ess = times.iter().zip(&track.ess).map(|(t, e)| [*t, e.unwrap_or(f64::NAN)]).collect();
@@ -365,7 +373,7 @@ fn state_layers<'a>(
         let (m, half) = (number(&track.mean, i) / divisor, 2.0 * number(&track.sd, i) / divisor);
         [*t, m - half, m + half]
     });
-    let mut layers = vec![Layer::Band(band.collect())];
+    let mut layers = vec![Layer::Band(band.collect(), "band")];
     let truth = track.truth.as_ref().and_then(|t| Some((t, t.states.get(state)?)));
     if let Some((truth, values)) = truth.filter(|(_, values)| !values.is_empty()) {
         let line = truth.times_s.iter().zip(values).map(|(t, v)| [clock.of_time(*t), v / divisor]);
@@ -373,6 +381,23 @@ fn state_layers<'a>(
     }
     layers.push(Layer::Line(mean, "mean"));
     (unit, layers)
+}
+
+/// The probabilities of the modes on top of each other, the first one at the bottom.
+fn mode_layers(track: &TrackSeries, times: &[f64]) -> (Vec<Key>, Vec<Layer>) {
+    const STYLES: [&str; 6] = ["mode0", "mode1", "mode2", "mode3", "mode4", "mode5"];
+    let rows = || times.iter().zip(&track.mode_probabilities);
+    let mut tops = vec![0.0; rows().len()];
+    let of_mode = |(j, name): (usize, &String)| {
+        let class = STYLES[j % STYLES.len()];
+        let area = rows().zip(&mut tops).map(|((t, probabilities), top)| {
+            let bottom = *top;
+            *top += probabilities.get(j).copied().unwrap_or(f64::NAN);
+            [*t, bottom, *top]
+        });
+        (Key { class, name: name.clone() }, Layer::Band(area.collect(), class))
+    };
+    track.modes.iter().enumerate().map(of_mode).unzip()
 }
 
 /// Distance between estimate and truth wherever both have the same time, to the microsecond.

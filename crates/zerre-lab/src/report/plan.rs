@@ -223,6 +223,10 @@ fn legend(svg: &mut String, report: &RunReport) {
         x += width;
     };
     entry("<path class=\"mean\" d=\"M0,0h20\"/>".into(), "track", 72.0);
+    if shows_modes(report) {
+        let mark = "<path class=\"wild\" d=\"M4,0h12\"/><path class=\"mean\" d=\"M0,0h20\"/>";
+        entry(mark.into(), "manoeuvring", 124.0);
+    }
     if report.tracks.iter().any(|t| t.truth.is_some()) {
         entry("<path class=\"truth\" d=\"M0,0h20\"/>".into(), "truth", 72.0);
     }
@@ -265,8 +269,38 @@ fn draw_track(svg: &mut String, index: usize, track: &TrackSeries, frame: &Frame
     if let Some(truth) = &track.truth {
         svg.push_str(&format!("<path class=\"truth\" d=\"{}\"/>", line(&truth.position)));
     }
+    let wild = manoeuvres(track, frame, limit);
+    if !wild.is_empty() {
+        svg.push_str(&format!("<path class=\"wild\" d=\"{wild}\"/>"));
+    }
     svg.push_str(&format!("<path class=\"mean\" d=\"{}\"/>", line(&track.position)));
     svg.push_str("</g>");
+}
+
+/// Whether manoeuvring stretches can be told from others.
+pub(super) fn shows_modes(report: &RunReport) -> bool {
+    report.tracks.iter().any(|track| track.modes.len() > 1)
+}
+
+/// The steps at whose end another mode than the first is the most probable one.
+fn manoeuvres(track: &TrackSeries, frame: &Frame, limit: usize) -> String {
+    let is_wild = |i: usize| {
+        let Some(probabilities) = track.mode_probabilities.get(i) else { return false };
+        let quiet = probabilities.first().copied().unwrap_or(f64::NAN);
+        probabilities.iter().any(|p| *p > quiet)
+    };
+    let mut points = Vec::new();
+    let mut last = None;
+    for i in thinned(track.position.len(), limit) {
+        let here = frame.place(track.position[i]);
+        match last {
+            Some(before) if is_wild(i) => points.extend([before, here]),
+            // Lifts the pen.
+            _ => points.push([f64::NAN; 2]),
+        }
+        last = Some(here);
+    }
+    path(points.into_iter())
 }
 
 /// Where the track begins and ends, above all lines.

@@ -136,8 +136,8 @@ impl<const N: usize> Hypotheses<N> {
         matched(self.all.iter().map(|h| (h.weight, &h.law)))
     }
 
-    /// For each mode its probability and the Gaussian of [`Hypotheses::mode`]. A mode without weight has the law of the
-    /// whole, which says nothing.
+    /// For each mode its probability and the Gaussian of [`Hypotheses::mode`]. A mode without weight has the
+    /// law of the whole, which says nothing.
     ///
     /// # Errors
     /// Sums that are not finite.
@@ -191,6 +191,13 @@ mod tests {
         assert_eq!(belief.combined().unwrap(), Gaussian::new([2.0], Matrix([[1.5]])).unwrap());
         assert_eq!(belief.mean(), [2.0]);
         assert!(belief.mode(2).is_err());
+        let by_mode = belief.by_mode().unwrap();
+        assert_eq!(by_mode.probabilities(), [0.5, 0.5, 0.0]);
+        assert_eq!(by_mode.mode(0), &belief.mode(0).unwrap());
+        assert_eq!(
+            (by_mode.mode(2), by_mode.combined().unwrap()),
+            (&belief.combined().unwrap(), belief.combined().unwrap())
+        );
 
         let text = serde_json::to_string(&belief).unwrap();
         assert_eq!(serde_json::from_str::<Hypotheses<1>>(&text).unwrap(), belief);

@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 /// A filter by name, taken apart.
 #[derive(Clone, Copy)]
 pub(super) struct Kind {
-    /// How Gaussians are updated: those of the filter, or those that stand for its particles until they are drawn.
+    /// How Gaussians are updated: those of the filter, or those that stand for its particles until they are
+    /// drawn.
     pub(super) family: Family,
     /// What it keeps.
     pub(super) form: Form,

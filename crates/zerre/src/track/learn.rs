@@ -6,7 +6,7 @@ use super::kind::{Form, Kind, has_modes};
 use super::modes::{ModeSpec, Moves};
 use super::motion::{WithMotion, with_motion};
 use super::row::{Event, Innovation};
-use super::rules::Rules;
+use super::rules::{Foretold, Rules};
 use super::sensor::{Frame, Noise};
 use super::spec::{Engine, TrackerSpec};
 use super::tail::Robust;
@@ -69,12 +69,13 @@ const CLEARLY: f64 = 3.0;
 /// need a likelihood that is not much narrower than what was foretold.
 const LEAST_SHARE: f64 = 0.05;
 
-/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives the plots the
-/// largest evidence; all else is as `spec` says, but that sensors whose noise is learnt get [`HEAVY_TAILS`] where no law is given and the evidence
-/// is clearly for them. Plots are in order of time; the first thousand of at most twenty targets count. A noise of
-/// which the recording tells no more than that it is small against the wandering of the motion is set to where it
-/// makes a twentieth of the innovation's variance. For filters with particles the evidence is less what they lose on
-/// innovations that they do not reach: a rare manoeuvre must not leave all of them behind.
+/// The values of `unknown` under which the extended Kalman filter (for filters with modes, `imm-ekf`) gives
+/// the plots the largest evidence; all else is as `spec` says, but that sensors whose noise is learnt get
+/// [`HEAVY_TAILS`] where no law is given and the evidence is clearly for them. Plots are in order of time;
+/// the first thousand of at most twenty targets count. A noise of which the recording tells no more than that
+/// it is small against the wandering of the motion is set to where it makes a twentieth of the innovation's
+/// variance. For filters with particles the evidence is less what they lose on innovations that they do not
+/// reach: a rare manoeuvre must not leave all of them behind.
 ///
 /// The search is a coarse grid (a common factor on all sensors by the motion) and then the simplex of Nelder and
 /// Mead (Computer Journal 7, 1965) on the logarithms: deterministic. With modes all numbers are searched for together
@@ -135,9 +136,10 @@ pub fn learn(spec: &TrackerSpec, unknown: &[Unknown], plots: &[Plot]) -> Result<
     Ok(Learnt { spec: best, values, plots: count, targets: chosen.len(), heavy_tails })
 }
 
-/// Log-evidence of the plots under the unscented filter, with modes if the filter has them (one of the Kalman family with
-/// modes stands for itself); -inf where it refuses the models. A restart counts as much as a measurement that is all but impossible. Not under particles: where the noise of the motion is small they collapse,
-/// and what they then make of a measurement says nothing of the law of its errors.
+/// Log-evidence of the plots under the unscented filter, with modes if the filter has them (one of the Kalman
+/// family with modes stands for itself); -inf where it refuses the models. A restart counts as much as a
+/// measurement that is all but impossible. Not under particles: where the noise of the motion is small they
+/// collapse, and what they then make of a measurement says nothing of the law of its errors.
 fn trial(spec: &TrackerSpec, targets: &[Vec<&Plot>]) -> f64 {
     const RESTART: f64 = -100.0;
     // What a gate refuses has no evidence that could be compared: both sides take every measurement.
@@ -343,6 +345,33 @@ fn shortfall(nis: f64, share: f64, reach: f64) -> f64 {
     0.5 * (reach * reach + beyond * beyond / share - nis)
 }
 
+/// Log-evidence that particles lose on a plot that `belief`, predicted to its time where it has modes, foretold
+/// so: each mode has particles of its own, which reach as far as its law says.
+fn beyond_reach<A, F, const N: usize, const W: usize, const D: usize>(
+    rules: &Rules<A, F, N, W, D>,
+    belief: &Belief<N>,
+    plot: &Plot,
+    foretold: &Foretold,
+    reach: f64,
+) -> Result<f64>
+where
+    A: Motion<N, W> + Clone + 'static,
+    F: Frame<N, D>,
+{
+    let lost = |innovation: &Innovation| shortfall(innovation.nis, innovation.noise_share, reach);
+    let Some(modes) = belief.by_mode()? else { return Ok(lost(&foretold.innovation)) };
+    // Relative to the density that all of them have together: no evidence is too small for it.
+    let (mut without, mut with) = (0.0, 0.0);
+    for (j, probability) in modes.probabilities().iter().enumerate().filter(|(_, p)| **p > 0.0) {
+        let Some(alone) = rules.innovation(modes.mode(j), plot.time, plot)? else { continue };
+        let weight = ln(*probability) + alone.log_density - foretold.log_density;
+        without += exp(weight);
+        with += exp(weight - lost(&alone.innovation));
+    }
+    let loss = ln(without) - ln(with);
+    Ok(if loss.is_finite() { loss } else { lost(&foretold.innovation) })
+}
+
 impl WithMotion for Evidence<'_> {
     type Out = f64;
     fn with<A, F, const N: usize, const W: usize, const D: usize>(self, moves: Moves<A>) -> Result<f64>
@@ -368,16 +397,17 @@ impl WithMotion for Evidence<'_> {
                 }
                 let Some(foretold) = rules.foretold(current, plot)? else { continue };
                 (shares, count) = (shares + foretold.least_share, count + 1.0);
+                let beyond_reach = match self.reach.filter(|_| rules.sensors.of(plot).is_normal()) {
+                    Some(reach) => beyond_reach(&rules, current, plot, &foretold, reach)?,
+                    None => 0.0,
+                };
                 let update = rules.step(current, plot, true)?;
                 // What cannot be held in numbers counts as what it would be under the normal law.
                 total += match update.outcome {
                     Outcome::Degenerate => foretold.log_density,
                     _ => update.log_evidence,
                 };
-                if rules.sensors.of(plot).is_normal() {
-                    let Innovation { nis, noise_share, .. } = foretold.innovation;
-                    total -= self.reach.map_or(0.0, |reach| shortfall(nis, noise_share, reach));
-                }
+                total -= beyond_reach;
             }
         }
         if count == 0.0 {

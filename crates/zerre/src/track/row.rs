@@ -35,8 +35,8 @@ pub struct Row {
     pub mean: Vec<f64>,
     /// Covariance about the mean of the belief, row by row.
     pub covariance: Vec<f64>,
-    /// Probability of each of [`Tracker::modes`](super::Tracker::modes); empty for filters without modes and while there is
-    /// no track.
+    /// Probability of each of [`Tracker::modes`](super::Tracker::modes); empty for filters without modes and
+    /// while there is no track.
     pub modes: Vec<f64>,
     /// The plot against what the belief foretold; `None` where nothing was foretold.
     pub innovation: Option<Innovation>,

@@ -115,14 +115,14 @@ where
         Gaussian::new(mean, covariance)
     }
 
-    /// The law of the state that `plot` starts; `None` if it tells no position. With it, how many updates particles wait
-    /// for.
+    /// The law of the state that `plot` starts; `None` if it tells no position. With it, how many updates
+    /// particles wait for.
     ///
-    /// A precise plot leaves the velocity open: of particles spread over all velocities hardly one would meet the
-    /// next plot. So the belief stays Gaussian (one for each mode, where there are modes) until as many plots as the
-    /// state has orders (position, velocity, acceleration) have fixed it, and the cloud is drawn then. A belief that
-    /// starts from a configured position is a cloud at once, because what comes first then (bearings) makes it far from
-    /// normal.
+    /// A precise plot leaves the velocity open: of particles spread over all velocities hardly one would meet
+    /// the next plot. So the belief stays Gaussian (one for each mode, where there are modes) until as many
+    /// plots as the state has orders (position, velocity, acceleration) have fixed it, and the cloud is drawn
+    /// then. A belief that starts from a configured position is a cloud at once, because what comes first
+    /// then (bearings) makes it far from normal.
     pub(super) fn begin(&self, plot: &Plot) -> Result<Option<(Gaussian<N>, u32)>> {
         if let Some(position) = self.sensors.of(plot).place(&plot.reading)? {
             return Ok(Some((self.prior(&position)?, N.div_ceil(D) as u32 - 1)));
@@ -186,8 +186,8 @@ where
         }
     }
 
-    /// The step of the filter, or of the one that stands for it until particles are drawn: an update by `plot`, or a
-    /// prediction to its time where `used` is false.
+    /// The step of the filter, or of the one that stands for it until particles are drawn: an update by
+    /// `plot`, or a prediction to its time where `used` is false.
     pub(super) fn step(&self, belief: &mut Belief<N>, plot: &Plot, used: bool) -> Result<Update> {
         let (to, z) = (plot.time, used.then_some(plot));
         let gaussians = match (belief, &self.finally) {
@@ -226,7 +226,12 @@ where
     }
 
     /// What `state` at `from` foretells, against what was measured; `None` where it foretells nothing finite.
-    fn innovation(&self, state: &Gaussian<N>, from: Time, plot: &Plot) -> Result<Option<Foretold>> {
+    pub(super) fn innovation(
+        &self,
+        state: &Gaussian<N>,
+        from: Time,
+        plot: &Plot,
+    ) -> Result<Option<Foretold>> {
         struct Foretell<'a, A, const N: usize, const W: usize> {
             motion: &'a A,
             state: &'a Gaussian<N>,

@@ -19,8 +19,8 @@ use std::collections::BTreeMap;
 pub struct FilterSpec {
     /// A name of [`FILTERS`](crate::catalog::FILTERS).
     pub name: String,
-    /// Number of particles: of `mmpf` those that survive a step, of `imm-pf` those of all modes together; of `rb-mmpf` the
-    /// number of hypotheses.
+    /// Number of particles: of `mmpf` those that survive a step, of `imm-pf` those of all modes together; of
+    /// `rb-mmpf` the number of hypotheses.
     pub particles: usize,
     /// How to resample; `rb-mmpf` reduces its hypotheses instead.
     pub resampling: Resampling,
@@ -33,7 +33,8 @@ pub struct FilterSpec {
 }
 
 impl FilterSpec {
-    /// Enough particles for one target in the plane, or as many hypotheses as tell its last few changes of mode.
+    /// Enough particles for one target in the plane, or as many hypotheses as tell its last few changes of
+    /// mode.
     pub fn default_particles(filter: &str) -> usize {
         if filter == "rb-mmpf" { 100 } else { 2000 }
     }

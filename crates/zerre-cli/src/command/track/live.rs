@@ -63,7 +63,13 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
     let components: Vec<_> = tracker.states().into_iter().map(component).collect();
     let mut record = Record::new("track", call.global.seed, settings.effective.to_json());
     let mut digest = EstimatesDigest::default();
-    let mut out = match TrackCsv::new(std::io::stdout().lock(), &components) {
+    let (stdout, modes) = (std::io::stdout().lock(), tracker.modes().to_vec());
+    let made = if modes.is_empty() {
+        TrackCsv::new(stdout, &components)
+    } else {
+        TrackCsv::with_modes(stdout, &components)
+    };
+    let mut out = match made {
         Ok(out) => Some(out),
         Err(error) => return Err(unwritten(&error)),
     };
@@ -88,7 +94,7 @@ pub(super) fn run(call: &Call<'_>, mut settings: Settings, workers: &Workers) ->
         if !matches!(row.event, Event::Started | Event::Updated) {
             record.outcomes_of(row.event.name(), "see outcome in the rows", 1);
         }
-        if let (Some(row), Some(stdout)) = (track_row(&row), &mut out) {
+        if let (Some(row), Some(stdout)) = (track_row(&row, &modes), &mut out) {
             match stdout.write(&row) {
                 Ok(()) => digest.push(&row.mean),
                 // The reader of the rows has had enough, which is its right; this row did not reach it.

@@ -19,6 +19,7 @@ use settings::Settings;
 use std::path::Path;
 use std::time::Instant;
 use work::{Reference, Run, Workers};
+use zerre::track::has_particles;
 
 /// What all parts of the command are told.
 struct Call<'a> {
@@ -73,7 +74,7 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     settings.settle(&input.plots, &input.names(), input.has_height, console)?;
     let mut run = work::follow(&settings.spec(global.seed), &input, &workers, console)?;
     run.check_started(&input)?;
-    if !interrupted() && work::has_particles(&settings.spec(global.seed).filter.name) {
+    if !interrupted() && has_particles(&settings.spec(global.seed).filter.name) {
         match best_rival(&settings, rivals, &run, &input, &workers, &call)? {
             Some((reference, Some(mut rival), other)) if reference.is_better() => {
                 rival.prefer(&reference);
@@ -142,14 +143,14 @@ fn best_rival(
     let settle = |rival: &mut Settings| rival.settle(&input.plots, &input.names(), input.has_height, console);
     let against = |filters, spec: &_| run.against_kalman(filters, spec, input, workers, console);
     let Some([mut plain, mut modal]) = rivals else {
-        let plain = against(work::PLAIN, &settings.spec(seed));
-        return Ok(plain.map(|(reference, run)| (reference, None, run)));
+        let best = against(settings.references(), &settings.spec(seed));
+        return Ok(best.map(|(reference, run)| (reference, None, run)));
     };
     settle(&mut plain)?;
     let best = against(work::PLAIN, &plain.spec(seed));
     // A recording may be too short to tell three numbers more.
     if !interrupted() && settle(&mut modal).is_ok() {
-        let with_modes = against(work::MODAL, &modal.spec(seed));
+        let with_modes = against(work::TRIED, &modal.spec(seed));
         if let Some((reference, run)) = with_modes
             && best.as_ref().is_none_or(|(plain, _)| reference.is_worth_its_modes(plain))
         {

@@ -14,8 +14,8 @@ use std::path::Path;
 use std::sync::Arc;
 use zerre::Time;
 use zerre::filter::Outcome as Step;
-use zerre::track::{DEFAULT_SENSOR, Event, Plot, Reading, Row, State, TrackerSpec};
-use zerre_io::{Component, TrackRow, TrackTable, Unit};
+use zerre::track::{DEFAULT_SENSOR, Event, Mode, Plot, Reading, Row, State, TrackerSpec};
+use zerre_io::{Component, LikelyMode, TrackRow, TrackTable, Unit};
 use zerre_lab::consistency::{Assessment, SensorInnovations, WhitenedComponent, assess};
 use zerre_lab::number;
 
@@ -267,9 +267,12 @@ impl Outcome {
 
     /// The estimates, in the order of the measurements.
     pub fn table(&self, run: &Run) -> Result<TrackTable, Diagnostic> {
-        let mut table = TrackTable::new(run.states.iter().map(|&state| component(state)).collect());
+        let components = run.states.iter().map(|&state| component(state)).collect();
+        let with_modes = !run.modes.is_empty();
+        let mut table =
+            if with_modes { TrackTable::with_modes(components) } else { TrackTable::new(components) };
         for row in run.rows.iter().flatten() {
-            if let Some(row) = track_row(row) {
+            if let Some(row) = track_row(row, &run.modes) {
                 table.push(row).map_err(|error| Diagnostic::new(error.to_string()))?;
             }
         }
@@ -476,8 +479,8 @@ pub(super) fn evidence(row: &Row) -> Option<f64> {
     Some(update.log_evidence).filter(|e| e.is_finite())
 }
 
-/// A row as tables hold it; `None` where there is no new estimate.
-pub(super) fn track_row(row: &Row) -> Option<TrackRow> {
+/// A row as tables hold it, with the most probable of the modes; `None` where there is no new estimate.
+pub(super) fn track_row(row: &Row, modes: &[Mode]) -> Option<TrackRow> {
     if row.mean.is_empty() || row.event == Event::OutOfOrder {
         return None;
     }
@@ -488,7 +491,16 @@ pub(super) fn track_row(row: &Row) -> Option<TrackRow> {
         covariance: row.covariance.clone(),
         log_evidence: evidence(row),
         outcome: row.event.name().to_owned(),
+        mode: likely(&row.modes).and_then(|(j, probability)| {
+            Some(LikelyMode { name: modes.get(j)?.name().to_owned(), probability })
+        }),
     })
+}
+
+/// The most probable mode, the first of several, and its probability.
+fn likely(probabilities: &[f64]) -> Option<(usize, f64)> {
+    let better = |best: (usize, f64), one: (usize, f64)| if one.1 > best.1 { one } else { best };
+    probabilities.iter().copied().enumerate().reduce(better)
 }
 
 /// Name and unit of a number of the state.

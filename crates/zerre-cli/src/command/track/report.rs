@@ -5,11 +5,11 @@ use super::input::Input;
 use super::outcome::{Outcome, component, evidence, evidence_text, sensor_name};
 use super::scores::Scores;
 use super::settings::Settings;
-use super::work::{Run, has_particles};
+use super::work::Run;
 use crate::run::Record;
 use std::collections::BTreeMap;
 use zerre::Time;
-use zerre::track::{Event, Row};
+use zerre::track::{Event, Row, has_particles};
 use zerre_lab::report::{
     Counts, InnovationRow, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo, TrackSeries,
     TruthSeries, plan_svg, render,
@@ -32,7 +32,11 @@ pub(super) fn pages(
         .iter()
         .map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned())
         .collect();
-    let particles = has_particles(&spec.filter.name);
+    let particles = has_particles(&spec.filter.name).then(|| match spec.filter.name.as_str() {
+        // Each of them under every mode.
+        "mmpf" => spec.filter.particles * run.modes.len(),
+        _ => spec.filter.particles,
+    });
     let filter = settings.filter_text();
     let filter = match &run.reference {
         None => filter,
@@ -75,7 +79,8 @@ pub(super) fn pages(
                 let mut series = TrackSeries {
                     id: track.id.to_string(),
                     states: run.states.iter().map(|&state| info(state)).collect(),
-                    particles: particles.then_some(spec.filter.particles),
+                    particles,
+                    modes: run.modes.iter().map(|mode| mode.name().to_owned()).collect(),
                     updates: track.updates,
                     missed: track.missed,
                     outcomes: track.events.iter().map(|(event, n)| (event.name().to_owned(), *n)).collect(),
@@ -142,6 +147,7 @@ fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {
     series.position_cov.push([entry(0, 0), entry(0, 1), entry(1, 1)]);
     series.ess.push(row.update.and_then(|update| Some(update.particles?.ess)));
     series.log_evidence.push(log_evidence);
+    series.mode_probabilities.push(row.modes.clone());
 }
 
 fn info(state: zerre::track::State) -> StateInfo {

@@ -48,7 +48,7 @@ pub(super) fn score(
     };
     let truth = Trajectories::open(path, &options).map_err(|error| refused(&error))?;
     let mut points: BTreeMap<Arc<str>, Vec<Point>> = BTreeMap::new();
-    for row in run.rows.iter().flatten().filter_map(track_row) {
+    for row in run.rows.iter().flatten().filter_map(|row| track_row(row, &run.modes)) {
         let variance = |i: usize, j: usize| row.covariance[i * row.mean.len() + j];
         let point = Point {
             time: row.time,

@@ -1,10 +1,10 @@
 //! From a configuration and a recording to a tracker, with the reason for every value.
 
-use super::work::{Reference, has_particles};
+use super::work::Reference;
 use crate::args::Track;
 use crate::config::{
-    Effective, Estimate, Generator, ModesConfig, MotionConfig, Normals, Reason, ResampleWhen, Robust, Source,
-    TrackConfig,
+    Effective, Estimate, FilterConfig, Generator, ModesConfig, MotionConfig, Normals, Reason, ResampleWhen,
+    Robust, Source, TrackConfig,
 };
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
@@ -14,7 +14,7 @@ use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
     DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, ModeSpec, MotionSpec, Noise, Plot,
-    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_turns, learn,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_particles, has_turns, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
@@ -199,6 +199,12 @@ impl Settings {
         })
     }
 
+    /// The filters that those with particles are measured against: of the Kalman family, with modes or without
+    /// as they are.
+    pub fn references(&self) -> &'static [&'static str] {
+        if has_modes(&self.spec.filter.name) { super::work::MODAL } else { super::work::PLAIN }
+    }
+
     /// Takes the filter of the Kalman family that the particles lost against.
     pub fn prefer(&mut self, reference: &Reference) {
         let why = format!(
@@ -219,6 +225,10 @@ impl Settings {
             Some(why) => format!("{}: {why}", filter.name),
             None if has_particles(&filter.name) => {
                 format!("{}, {}", filter.name, counted(filter.particles, "particle"))
+            }
+            None if filter.name == "rb-mmpf" => {
+                let hypotheses = if filter.particles == 1 { "hypothesis" } else { "hypotheses" };
+                format!("{}, {} {hypotheses}", filter.name, filter.particles)
             }
             None => filter.name.clone(),
         }
@@ -359,11 +369,9 @@ fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec,
     };
     let path = ["filter", "name"];
     let name = name_of(effective, &path, ("filter", "filters"), &config.filter.name, choice)?;
+    check_filter(&config.filter, &name, effective)?;
     let mut spec = TrackerSpec::new(&name, "").filter;
-    if !has_particles(&name) {
-        return Ok(spec);
-    }
-    let settings = config.filter.settle_particles(effective);
+    let settings = config.filter.settle_particles(&name, effective);
     let path = ["filter", "resampling"];
     effective.check_name(&path, "resampler", &settings.resampling, &crate::catalog::all(), "resamplers")?;
     spec.particles = settings.particles as usize;
@@ -390,6 +398,18 @@ fn filter(config: &TrackConfig, effective: &mut Effective) -> Result<FilterSpec,
         },
     };
     Ok(spec)
+}
+
+/// Refuses a setting that the filter of this `name` would ignore.
+fn check_filter(given: &FilterConfig, name: &str, effective: &Effective) -> Result<(), Diagnostic> {
+    let used = FilterConfig::used_by(name);
+    let Some(key) = given.given().into_iter().find(|key| !used.contains(key)) else { return Ok(()) };
+    let filters = crate::catalog::names(&crate::catalog::all(), "filters");
+    let takers = filters.into_iter().filter(|filter| FilterConfig::used_by(filter).contains(&key));
+    let takers = takers.collect::<Vec<_>>().join(", ");
+    let text = format!("filter.{key}: the filter `{name}` has no such setting");
+    let help = format!("it is of {takers}; leave it out, or choose such a filter");
+    Err(effective.at_key(&["filter", key], Diagnostic::new(text).help(help)))
 }
 
 fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec, Diagnostic> {
@@ -468,7 +488,9 @@ fn check_modes(config: &TrackConfig, filter: &str, effective: &Effective) -> Res
     let given = config.motion.modes.given();
     let Some(key) = given.first().filter(|_| !has_modes(filter)) else { return Ok(()) };
     let text = format!("motion.modes.{key}: the filter `{filter}` has no modes");
-    let refusal = Diagnostic::new(text).help("choose imm-ekf, imm-ukf or imm-kalman, or leave it out");
+    let filters = crate::catalog::names(&crate::catalog::all(), "filters");
+    let takers = filters.into_iter().filter(|filter| has_modes(filter)).collect::<Vec<_>>().join(", ");
+    let refusal = Diagnostic::new(text).help(format!("choose one that has ({takers}), or leave it out"));
     Err(effective.at_key(&["motion", "modes", key], refusal))
 }
 
@@ -536,7 +558,7 @@ fn life(config: &TrackConfig, effective: &mut Effective) -> LifeSpec {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use zerre::catalog::MOTIONS;
+    use zerre::catalog::{FILTERS, MOTIONS};
     use zerre::kernels::{Simd, Threads};
     use zerre::track::Engine;
 
@@ -554,6 +576,44 @@ mod tests {
         assert_eq!(read("").unwrap(), "particle");
         let refused = read("filter = \"ekf\"\n[motion.modes]\nstay_s = 5").unwrap_err();
         assert!(refused.contains("motion.modes.stay_s: the filter `ekf` has no modes"), "{refused}");
+        assert!(refused.contains("imm-ekf") && refused.contains("rb-mmpf"), "{refused}");
+    }
+
+    /// Each setting is of some filter, and told to be its own; the others refuse it.
+    #[test]
+    fn settings_of_filters_are_never_ignored() {
+        let values = [
+            ("particles", "50"),
+            ("resampling", "\"residual\""),
+            ("resample_when", "\"always\""),
+            ("threshold", "0.3"),
+            ("roughening", "0.1"),
+            ("normals", "\"f32\""),
+            ("generator", "\"fast\""),
+        ];
+        for name in FILTERS.iter().map(|entry| entry.name) {
+            let settled = |more: &str| {
+                let source = Source::new("f.toml", format!("[filter]\nname = {name:?}\n{more}"));
+                let config = TrackConfig::from_source(&source).unwrap();
+                let mut effective = Effective::new(Some(source));
+                filter(&config, &mut effective).map(|spec| (spec, effective))
+            };
+            let (default, _) = settled("").unwrap();
+            for (key, value) in values {
+                match settled(&format!("{key} = {value}\n")) {
+                    Ok((spec, effective)) => {
+                        assert!(FilterConfig::used_by(name).contains(&key), "{name} {key}");
+                        assert!(spec != default, "{name} does not use {key}");
+                        assert!(effective.to_string().contains(&format!("filter.{key} = ")));
+                    }
+                    Err(refused) => {
+                        let said = refused.to_string();
+                        assert!(!FilterConfig::used_by(name).contains(&key), "{said}");
+                        assert!(said.contains("f.toml:3:1") && said.contains("it is of "), "{said}");
+                    }
+                }
+            }
+        }
     }
 
     /// Each parameter that a motion is said to use changes its specification or is needed by it.

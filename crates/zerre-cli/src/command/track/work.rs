@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 use zerre::kernels::{Simd, Threads};
-use zerre::track::{Engine, Event, Row, State, TrackerSpec};
+use zerre::track::{Engine, Event, Mode, Row, State, TrackerSpec};
 
 /// Who works. Neither number of threads nor instructions change a result.
 pub(super) struct Workers {
@@ -36,6 +36,8 @@ impl Workers {
 /// What came of the plots.
 pub(super) struct Run {
     pub states: Vec<State>,
+    /// The ways to move that the filter tells apart.
+    pub modes: Vec<Mode>,
     /// Side by side with the plots; `None` where the run was stopped before.
     pub rows: Vec<Option<Row>>,
     /// Where each plot alone puts its target in the plane, metres.
@@ -96,7 +98,8 @@ pub(super) fn follow(
     targets.sort_by_key(|indices| std::cmp::Reverse(indices.len()));
     let crew = workers.threads.min(targets.len()).max(1);
     let engine = workers.engine(targets.len())?;
-    let states = spec.build(engine.clone()).map_err(|error| refused(&input.names(), &error))?.states();
+    let tracker = spec.build(engine.clone()).map_err(|error| refused(&input.names(), &error))?;
+    let (states, modes) = (tracker.states(), tracker.modes().to_vec());
 
     let rows = Mutex::new(vec![None; plots.len()]);
     let places = Mutex::new(vec![None; plots.len()]);
@@ -148,7 +151,7 @@ pub(super) fn follow(
         return Err(refused(&format!("{}, target `{id}`", input.place(index)), &error));
     }
     let (rows, places) = (std::mem::take(&mut *lock(&rows)), std::mem::take(&mut *lock(&places)));
-    Ok(Run { states, rows, places, reference: None })
+    Ok(Run { states, modes, rows, places, reference: None })
 }
 
 /// A panic in another thread ends the program by itself; here its half-done work is not looked at.
@@ -219,10 +222,7 @@ impl Run {
 
 /// The filters of the Kalman family without modes.
 pub(super) const PLAIN: &[&str] = &["kalman", "ekf", "ukf"];
-/// The one with modes that stands for them.
-pub(super) const MODAL: &[&str] = &["imm-ekf"];
-
-/// Whether a filter of this name has particles.
-pub(super) fn has_particles(filter: &str) -> bool {
-    matches!(filter, "particle" | "sir" | "sis")
-}
+/// Those with modes; the exact one is no different where it can be had.
+pub(super) const MODAL: &[&str] = &["imm-ekf", "imm-ukf"];
+/// The one of them that is tried where nobody asked for modes.
+pub(super) const TRIED: &[&str] = &["imm-ekf"];

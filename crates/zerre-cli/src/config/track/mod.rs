@@ -43,13 +43,13 @@ pub struct TrackConfig {
     pub life: LifeConfig,
 }
 
-/// The filter and, for filters with particles, their settings.
+/// The filter and its settings; one that the filter does not use is an error.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterConfig {
     /// A name of `zerre catalog filters`, or `auto`.
     pub name: Option<String>,
-    /// Number of particles.
+    /// Number of particles; of hypotheses with rb-mmpf.
     #[schemars(range(min = 1, max = MAX_PARTICLES))]
     pub particles: Option<u32>,
     /// A name of `zerre catalog resamplers`.
@@ -102,7 +102,7 @@ pub struct MotionConfig {
     /// Probability of no acceleration.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub p_0: Option<f64>,
-    /// The modes of filters whose names begin with `imm-`; what is absent is learnt from the recording.
+    /// The modes of filters for manoeuvring targets; what is absent is learnt from the recording.
     pub modes: ModesConfig,
 }
 
@@ -119,6 +119,41 @@ pub struct ModesConfig {
     /// Noise of the manoeuvring mode, in standard deviations of the quiet one; 1 for no such mode.
     #[schemars(range(min = 1.0, max = MOST_SD))]
     pub manoeuvre_factor: Option<f64>,
+}
+
+impl FilterConfig {
+    /// The keys that hold a setting, as the file writes them.
+    pub fn given(&self) -> Vec<&'static str> {
+        let all = [
+            ("particles", self.particles.is_some()),
+            ("resampling", self.resampling.is_some()),
+            ("resample_when", self.resample_when.is_some()),
+            ("threshold", self.threshold.is_some()),
+            ("roughening", self.roughening.is_some()),
+            ("normals", self.normals.is_some()),
+            ("generator", self.generator.is_some()),
+        ];
+        all.into_iter().filter(|(_, given)| *given).map(|(key, _)| key).collect()
+    }
+
+    /// The keys that a filter of this name uses.
+    pub fn used_by(filter: &str) -> &'static [&'static str] {
+        match filter {
+            "particle" | "sir" => &[
+                "particles",
+                "resampling",
+                "resample_when",
+                "threshold",
+                "roughening",
+                "normals",
+                "generator",
+            ],
+            "sis" => &["particles", "normals", "generator"],
+            "mmpf" | "imm-pf" => &["particles", "resampling", "normals", "generator"],
+            "rb-mmpf" => &["particles"],
+            _ => &[],
+        }
+    }
 }
 
 impl ModesConfig {

@@ -4,6 +4,8 @@ use super::{
     Estimate, FilterConfig, Format, Generator, InputConfig, LifeConfig, Normals, ResampleWhen, StartConfig,
 };
 use crate::config::Effective;
+use serde::Serialize;
+use zerre::track::FilterSpec;
 
 /// How the recording is read, settled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,43 +54,47 @@ pub struct ParticleSettings {
 }
 
 impl FilterConfig {
-    /// The settings of a filter with particles, with their reasons in `effective`.
-    pub fn settle_particles(&self, effective: &mut Effective) -> ParticleSettings {
-        let at = |key| ["filter", key];
+    /// The settings that the filter of this name uses, with their reasons in `effective`; the others have
+    /// their defaults.
+    pub fn settle_particles(&self, filter: &str, effective: &mut Effective) -> ParticleSettings {
+        let mut settle = Used { of: FilterConfig::used_by(filter), effective };
+        let enough = match filter {
+            "rb-mmpf" => "hypotheses: four times as many gain less than 0.1 of log-evidence per measurement",
+            _ => "enough for one target in the plane",
+        };
+        let default = FilterSpec::default_particles(filter) as u32;
+        let systematic = "systematic".to_owned();
         let even = "evenly spaced: the least noise of the common schemes";
+        let sparing = "resampling adds noise, so only when the weights need it";
         ParticleSettings {
-            particles: effective.settle(
-                &at("particles"),
-                &self.particles,
-                2000,
-                "enough for one target in the plane",
-            ),
-            resampling: effective.settle(&at("resampling"), &self.resampling, "systematic".to_owned(), even),
-            resample_when: effective.settle(
-                &at("resample_when"),
-                &self.resample_when,
-                ResampleWhen::Below,
-                "resampling adds noise, so only when the weights need it",
-            ),
-            threshold: effective.settle(
-                &at("threshold"),
-                &self.threshold,
-                0.5,
-                "half of the particles still count",
-            ),
-            roughening: effective.settle(
-                &at("roughening"),
-                &self.roughening,
-                0.0,
-                "process noise spreads the copies",
-            ),
-            normals: effective.settle(&at("normals"), &self.normals, Normals::F64, "full resolution"),
-            generator: effective.settle(
-                &at("generator"),
+            particles: settle.one("particles", &self.particles, default, enough),
+            resampling: settle.one("resampling", &self.resampling, systematic, even),
+            resample_when: settle.one("resample_when", &self.resample_when, ResampleWhen::Below, sparing),
+            threshold: settle.one("threshold", &self.threshold, 0.5, "half of the particles still count"),
+            roughening: settle.one("roughening", &self.roughening, 0.0, "process noise spreads the copies"),
+            normals: settle.one("normals", &self.normals, Normals::F64, "full resolution"),
+            generator: settle.one(
+                "generator",
                 &self.generator,
                 Generator::Philox,
                 "the reproducible standard",
             ),
+        }
+    }
+}
+
+/// Settles the keys `of` a filter, and no others.
+struct Used<'a> {
+    of: &'static [&'static str],
+    effective: &'a mut Effective,
+}
+
+impl Used<'_> {
+    fn one<T: Clone + Serialize>(&mut self, key: &str, given: &Option<T>, default: T, why: &str) -> T {
+        if self.of.contains(&key) {
+            self.effective.settle(&["filter", key], given, default, why)
+        } else {
+            default
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Filters with modes: the filter without where there is one, exact where all histories can be gone through, the same bits
-//! after a rest.
+//! Filters with modes: the filter without where there is one, exact where all histories can be gone through,
+//! the same bits after a rest.
 
 use super::*;
 use crate::filter::Outcome;
@@ -94,8 +94,8 @@ fn modal() -> impl Iterator<Item = &'static str> {
     FILTERS.iter().map(|entry| entry.name).filter(|name| has_modes(name))
 }
 
-/// Whatever the filter: in the turn, and not on the straight legs, the turn to the left is the most probable mode at each
-/// step, the one to the right at none, and every row tells probabilities that sum to 1.
+/// Whatever the filter: in the turn, and not on the straight legs, the turn to the left is the most probable
+/// mode at each step, the one to the right at none, and every row tells probabilities that sum to 1.
 #[test]
 fn the_mode_is_found() {
     let plots = turning();
@@ -162,10 +162,10 @@ fn saved_modes_go_on_to_the_same_bits() {
     }
 }
 
-/// Two motions of a line each way, linear and normal: with as many hypotheses as there are histories the evidence is exact.
-/// That of particles is unbiased: over 60 seeds the mean of its ratio to the exact one is 1 within five of its standard
-/// errors, which the spread over the seeds tells; with a thousand particles they are small enough to tell a wrong weight of
-/// the modes. One mode has the evidence of the Kalman filter.
+/// Two motions of a line each way, linear and normal: with as many hypotheses as there are histories the
+/// evidence is exact. That of particles is unbiased: over 60 seeds the mean of its ratio to the exact one is
+/// 1 within five of its standard errors, which the spread over the seeds tells; with a thousand particles
+/// they are small enough to tell a wrong weight of the modes. One mode has the evidence of the Kalman filter.
 #[test]
 fn the_evidence_of_particles_is_unbiased() {
     let plots = turning();
@@ -177,7 +177,8 @@ fn the_evidence_of_particles_is_unbiased() {
         spec.filter.particles = 1000;
         spec
     };
-    // A straight leg, which one quiet motion explains; its end and the first seconds of the turn, which need another.
+    // A straight leg, which one quiet motion explains; its end and the first seconds of the turn, which need
+    // another.
     for (factor, plots) in [(1.0, &plots[2..10]), (5.0, &plots[36..44])] {
         let evidence = |spec: &TrackerSpec| {
             let rows = rows(spec, Engine::default(), plots);
@@ -205,8 +206,8 @@ fn the_evidence_of_particles_is_unbiased() {
     }
 }
 
-/// A jump that no mode explains: with a gate it is refused, without one lost particles start anew (Gaussians are never
-/// lost); and a wrong number of particles or hypotheses is no filter.
+/// A jump that no mode explains: with a gate it is refused, without one lost particles start anew (Gaussians
+/// are never lost); and a wrong number of particles or hypotheses is no filter.
 #[test]
 fn filters_of_particles_with_modes_lose_and_find() {
     let path = |k: usize, jump: f64| plot("a", k as f64, Reading::Position2([10.0 * k as f64 + jump, 0.0]));
@@ -240,7 +241,8 @@ fn filters_of_particles_with_modes_lose_and_find() {
     }
 }
 
-/// Where the heaviest particle or the mean of the heaviest tenth stands for the belief, it is one of the target's places.
+/// Where the heaviest particle or the mean of the heaviest tenth stands for the belief, it is one of the
+/// target's places.
 #[test]
 fn other_points_stand_for_modes_too() {
     let plots = turning();
@@ -264,8 +266,8 @@ fn other_points_stand_for_modes_too() {
     }
 }
 
-/// What is learnt is for the IMM filter of the Kalman family, which stands for all of them; only what particles cannot
-/// reach changes it.
+/// What is learnt is for the IMM filter of the Kalman family, which stands for all of them; only what
+/// particles cannot reach changes it.
 #[test]
 fn filters_with_modes_learn_alike() {
     let plots = turning();
