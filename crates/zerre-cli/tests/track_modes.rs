@@ -53,8 +53,8 @@ fn turn() -> String {
 const KNOWN: &str = "[motion]\nacceleration_sd_mps2 = 0.5\n[motion.modes]\nstay_s = 30\nturn_rate_rad_s = 0.1\n\
                      manoeuvre_factor = 10\n[sensor.default]\nposition_sd_m = 2\n";
 
-/// A drone whose log is bundled: noises and modes are learnt, every row tells a mode, in all outputs; and the bits do not
-/// depend on threads.
+/// A drone whose log is bundled: noises and modes are learnt, every row tells a mode, in all outputs; and the
+/// bits do not depend on threads.
 #[test]
 fn filters_with_modes_follow_a_drone() {
     for (filter, shown) in [
@@ -101,8 +101,8 @@ fn filters_with_modes_follow_a_drone() {
     }
 }
 
-/// The turn is in the table as what it is, whatever the filter; another motion has quiet and manoeuvring modes, and filters
-/// without modes have no such columns.
+/// The turn is in the table as what it is, whatever the filter; another motion has quiet and manoeuvring
+/// modes, and filters without modes have no such columns.
 #[test]
 fn the_table_tells_the_turn() {
     let inside = folder("turn");

@@ -113,8 +113,9 @@ fn interval(values: &[f64]) -> (f64, f64) {
     (mean, 1.96 * (variance / n).sqrt())
 }
 
-/// What a filter with modes gains on one without, paired over targets: log-evidence per plot, and the logarithm of the root
-/// mean square of the distance between what was foretold and what was measured; each with half its interval.
+/// What a filter with modes gains on one without, paired over targets: log-evidence per plot, and the
+/// logarithm of the root mean square of the distance between what was foretold and what was measured; each
+/// with half its interval.
 fn gains(
     what: &str,
     one: &BTreeMap<Arc<str>, Heldout>,
@@ -146,12 +147,12 @@ fn gains(
     [gain, near]
 }
 
-/// Each filter of the Kalman family with modes against the one without, under normal errors and under heavy tails, and
-/// the Rao-Blackwellised one against `imm-ukf`, whose numbers it takes.
+/// Each filter of the Kalman family with modes against the one without, under normal errors and under heavy
+/// tails, and the Rao-Blackwellised one against `imm-ukf`, whose numbers it takes.
 ///
-/// Modes are the better default: clearly more evidence under either law, and under normal errors a smaller error one step
-/// ahead. Under heavy tails a turn may pass for outliers at first, so that nothing is said of that error. Going through
-/// histories of modes neither gains nor loses more than a tenth of what modes do.
+/// Modes are the better default: clearly more evidence under either law, and under normal errors a smaller
+/// error one step ahead. Under heavy tails a turn may pass for outliers at first, so that nothing is said of
+/// that error. Going through histories of modes neither gains nor loses more than a tenth of what modes do.
 fn modes_gain(name: &str, plots: &[Plot]) {
     let plots = &split(plots);
     for robust in [None, Some(HEAVY_TAILS)] {

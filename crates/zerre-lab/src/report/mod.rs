@@ -51,7 +51,8 @@ pub struct RunReport {
 }
 
 /// One target's estimates. `times_s`, `mean`, `sd`, `position`, `position_cov`, `ess`, `log_evidence` and
-/// `mode_probabilities` run side by side, one entry per estimate; any may be empty where there is nothing to say.
+/// `mode_probabilities` run side by side, one entry per estimate; any may be empty where there is nothing to
+/// say.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackSeries {
     /// Identity; may hold anything.

@@ -517,7 +517,8 @@ mod tests {
         assert!((cloud.mean()[0] - mean).abs() < 1e-12);
         let by_mode = cloud.by_mode().unwrap();
         let (whole, all) = (by_mode.combined().unwrap(), cloud.covariance().0[0][0]);
-        // Variance of 0..=599: (600^2 - 1) / 12; of three neighbours 2/3. Sums of 600 squares lose some 1e-14.
+        // Variance of 0..=599: (600^2 - 1) / 12; of three neighbours 2/3. Sums of 600 squares lose some
+        // 1e-14.
         for (j, variance) in [(0, (360_000.0 - 1.0) / 12.0), (1, all), (2, 2.0 / 3.0)] {
             let found = by_mode.mode(j).covariance().0[0][0];
             assert!((found / variance - 1.0).abs() < 1e-12, "mode {j}: {found}");

@@ -345,8 +345,8 @@ fn shortfall(nis: f64, share: f64, reach: f64) -> f64 {
     0.5 * (reach * reach + beyond * beyond / share - nis)
 }
 
-/// Log-evidence that particles lose on a plot that `belief`, predicted to its time where it has modes, foretold
-/// so: each mode has particles of its own, which reach as far as its law says.
+/// Log-evidence that particles lose on a plot that `belief`, predicted to its time where it has modes,
+/// foretold so: each mode has particles of its own, which reach as far as its law says.
 fn beyond_reach<A, F, const N: usize, const W: usize, const D: usize>(
     rules: &Rules<A, F, N, W, D>,
     belief: &Belief<N>,

@@ -199,8 +199,8 @@ impl Settings {
         })
     }
 
-    /// The filters that those with particles are measured against: of the Kalman family, with modes or without
-    /// as they are.
+    /// The filters that those with particles are measured against: of the Kalman family, with modes or
+    /// without as they are.
     pub fn references(&self) -> &'static [&'static str] {
         if has_modes(&self.spec.filter.name) { super::work::MODAL } else { super::work::PLAIN }
     }
