@@ -366,7 +366,8 @@ impl<const N: usize> ModalCloud<N> {
         robust_mean_of(self.particles().map(|(_, w, x)| (w, x)), share)
     }
 
-    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every particle is lost.
+    /// Smallest value of component `k` whose cumulative weight reaches each of `levels`; NaN once every
+    /// particle is lost.
     ///
     /// # Errors
     /// A level outside [0, 1].

@@ -122,8 +122,8 @@ where
         self.begin(law.time(), stream, law.probabilities(), |shares| drawn_by_mode(law, stream, shares))
     }
 
-    /// The interaction: lays the cloud out anew and writes for each of its rows the row of the old states, which now stand
-    /// in `survivors`. Returns how many of the old particles were drawn.
+    /// The interaction: lays the cloud out anew and writes for each of its rows the row of the old states,
+    /// which now stand in `survivors`. Returns how many of the old particles were drawn.
     fn interact(&self, cloud: &mut ModalCloud<N>, law: &[f64], after: &[f64], jump: &Transition) -> usize {
         let ModalSettings { particles: n, resampling, simd, ref threads, .. } = self.settings;
         let modes = law.len();

@@ -141,8 +141,8 @@ pub(crate) fn check_hypotheses(hypotheses: usize) -> Result<()> {
     Err(Error::OutOfRange { what: "number of hypotheses", value: hypotheses as f64, needs })
 }
 
-/// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many hypotheses to
-/// keep, their reduction, and the squared distance of the gate.
+/// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many
+/// hypotheses to keep, their reduction, and the squared distance of the gate.
 pub(crate) fn step_with<T, A, H, const N: usize, const W: usize, const M: usize>(
     transform: &T,
     model: &JumpMarkov<A>,
