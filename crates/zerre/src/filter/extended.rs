@@ -1,6 +1,6 @@
 //! The extended Kalman filter: tangents at the mean, by dual numbers.
 
-use super::gaussian::{Deviations, GaussianFilter, Observed, Transform};
+use super::gaussian::{Deviations, GaussianFilter, Joint, Observed, Transform};
 use crate::belief::Gaussian;
 use crate::error::Result;
 use crate::math::{Dual, Matrix};
@@ -59,6 +59,13 @@ impl<const N: usize, const W: usize> MotionTangent<N, W> {
         let covariance = self.by_state.congruence(state.covariance()) + self.noise_covariance(variance);
         Gaussian::computed("predicted mean", "predicted covariance", self.value, covariance)
     }
+
+    /// The same with what it has in common with the Gaussian before.
+    pub(super) fn propagate_joint(&self, variance: f64, state: &Gaussian<N>) -> Result<Joint<N>> {
+        let by_state = observed((self.value, self.by_state), state);
+        let law = self.propagate(variance, state)?;
+        Ok(Joint { law, by_state, added: self.noise_covariance(variance) })
+    }
 }
 
 /// h and its Jacobian at a point.
@@ -96,6 +103,17 @@ impl Transform for Tangent {
         let noise = motion.noise();
         MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W])
             .propagate(noise.variance(), state)
+    }
+
+    fn propagate_joint<A: Motion<N, W>, const N: usize, const W: usize>(
+        &self,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Joint<N>> {
+        let noise = motion.noise();
+        MotionTangent::<N, W>::at::<A>(step, state.mean(), &[noise.mean(); W])
+            .propagate_joint(noise.variance(), state)
     }
 
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(

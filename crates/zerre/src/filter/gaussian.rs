@@ -28,6 +28,17 @@ pub trait Transform: Send + Sync {
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>>;
 
+    /// The joint law of x and f(x, w): what smoothing needs besides [`Transform::propagate`].
+    ///
+    /// # Errors
+    /// Those of [`Transform::propagate`].
+    fn propagate_joint<A: Motion<N, W>, const N: usize, const W: usize>(
+        &self,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Joint<N>>;
+
     /// The moments of h(x) at `at`, without the noise of the measurement.
     ///
     /// # Errors
@@ -98,6 +109,41 @@ impl<const N: usize, const M: usize> Observed<N, M> {
             }
         };
         (kept + gain.congruence(noise)).symmetrised()
+    }
+}
+
+/// The joint law of a state x before a step and y = f(x, w) after it.
+#[derive(Clone, Copy, Debug)]
+pub struct Joint<const N: usize> {
+    /// The law of y, as [`Transform::propagate`] gives it.
+    pub(crate) law: Gaussian<N>,
+    /// What of y comes from x.
+    pub(crate) by_state: Observed<N, N>,
+    /// What w adds to the covariance of y.
+    pub(crate) added: Matrix<N, N>,
+}
+
+impl<const N: usize> Joint<N> {
+    /// The law of y.
+    pub fn law(&self) -> &Gaussian<N> {
+        &self.law
+    }
+
+    /// Cov[x, y], `N` x `N`: rows are components of x.
+    pub fn cross(&self) -> &Matrix<N, N> {
+        &self.by_state.cross
+    }
+
+    /// The law of x once y is known to have the law `after`, `now` being the law of x before: the gain is
+    /// G = Cov[x, y] Cov[y]^-1 (Särkkä, IEEE Transactions on Automatic Control 53(3), 2008), and the covariance
+    /// Cov[x - G y] + G P_after G' is summed from squares, so that rounding does not make it indefinite.
+    pub(crate) fn condition(&self, now: &Gaussian<N>, after: &Gaussian<N>) -> Result<Gaussian<N>> {
+        let predicted = Cholesky::of("predicted covariance", self.law.covariance())?;
+        let gain = predicted.solve_matrix(&self.cross().transpose()).transpose();
+        let correction = gain * from_fn(|i| after.mean()[i] - self.law.mean()[i]);
+        let mean = from_fn(|i| now.mean()[i] + correction[i]);
+        let covariance = self.by_state.joseph(now.covariance(), &gain, &(self.added + *after.covariance()));
+        Gaussian::computed("smoothed mean", "smoothed covariance", mean, covariance)
     }
 }
 

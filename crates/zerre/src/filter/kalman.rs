@@ -1,7 +1,7 @@
 //! The Kalman filter: exact, or refused.
 
 use super::extended::{MotionTangent, measurement_tangent, observed};
-use super::gaussian::{GaussianFilter, Observed, Transform};
+use super::gaussian::{GaussianFilter, Joint, Observed, Transform};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::math::Matrix;
@@ -57,6 +57,19 @@ impl Transform for Linear {
         let noise = motion.noise();
         match MotionTangent::of_linear::<A>(step, noise, state) {
             Some(tangent) => tangent.propagate(noise.variance(), state),
+            None => refuse("a nonlinear motion"),
+        }
+    }
+
+    fn propagate_joint<A: Motion<N, W>, const N: usize, const W: usize>(
+        &self,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Joint<N>> {
+        let noise = motion.noise();
+        match MotionTangent::of_linear::<A>(step, noise, state) {
+            Some(tangent) => tangent.propagate_joint(noise.variance(), state),
             None => refuse("a nonlinear motion"),
         }
     }

@@ -13,7 +13,7 @@ mod unscented;
 
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
-pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
+pub use gaussian::{GaussianFilter, Joint, PredictedMeasurement, Transform, predict_measurement};
 pub(crate) use imm::step_with as step_modes;
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;

@@ -1,6 +1,6 @@
 //! The unscented Kalman filter: sigma points instead of derivatives.
 
-use super::gaussian::{Deviations, GaussianFilter, Observed, Transform};
+use super::gaussian::{Deviations, GaussianFilter, Joint, Observed, Transform};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::math::{Cholesky, Matrix, wrap};
@@ -51,6 +51,15 @@ struct Spread {
 }
 
 impl SigmaPoints {
+    /// The points of the cubature Kalman filter (Arasaratnam and Haykin, IEEE Transactions on Automatic Control 54(6),
+    /// 2009): 2 n of them at sqrt(n) standard deviations, all of the same weight, the mean not among them. They are
+    /// exact for polynomials of degree three, as every choice here is, and the covariance is about the mean.
+    ///
+    /// With the image of the mean as the origin of differences they cost one evaluation more than 2 n.
+    pub fn cubature() -> Self {
+        SigmaPoints { alpha: 1.0, beta: 0.0, kappa: Some(0.0) }
+    }
+
     fn spread(&self, n: usize) -> Result<Spread> {
         let n = n as f64;
         let squared = self.alpha * self.alpha;
@@ -99,6 +108,80 @@ where
     }
 }
 
+/// Where a motion takes the points of x and w, as deviations from the image of the mean.
+struct Images<const N: usize, const W: usize> {
+    spread: Spread,
+    centre: [f64; N],
+    /// Deviations of the points of x themselves: one of each pair.
+    columns: [[f64; N]; N],
+    by_state: [[[f64; N]; 2]; N],
+    by_noise: [[[f64; N]; 2]; W],
+    /// From the image of the mean to the mean and to e.
+    to_mean: [f64; N],
+    to_e: [f64; N],
+}
+
+impl<const N: usize, const W: usize> Images<N, W> {
+    fn of<A: Motion<N, W>>(
+        points: &SigmaPoints,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Self> {
+        let spread = points.spread(N + W)?;
+        let noise = motion.noise();
+        let (mean, w) = (*state.mean(), [noise.mean(); W]);
+        let centre = A::apply(step, mean, w);
+        let deviation = |x: [f64; N], w: [f64; W]| -> [f64; N] {
+            let y = A::apply(step, x, w);
+            from_fn(|i| y[i] - centre[i])
+        };
+        let root = Cholesky::semidefinite("covariance of the state", state.covariance())?;
+        let columns: [[f64; N]; N] = from_fn(|j| root.column(j).map(|r| r * spread.distance));
+        let by_state =
+            columns.map(|dx| [1.0, -1.0].map(|sign| deviation(from_fn(|i| mean[i] + sign * dx[i]), w)));
+        let distance = spread.distance * noise.variance().sqrt();
+        let by_noise: [[[f64; N]; 2]; W] = from_fn(|j| {
+            [distance, -distance].map(|d| {
+                let mut moved = w;
+                moved[j] += d;
+                deviation(mean, moved)
+            })
+        });
+        let (to_mean, to_e) = spread.centres(by_state.iter().chain(&by_noise).flatten());
+        Ok(Images { spread, centre, columns, by_state, by_noise, to_mean, to_e })
+    }
+
+    fn law(&self) -> Result<Gaussian<N>> {
+        let deviations = self.by_state.iter().chain(&self.by_noise).flatten();
+        let covariance = deviations.fold(Matrix::ZERO, |sum, d| {
+            let d: [f64; N] = from_fn(|i| d[i] - self.to_e[i]);
+            sum + Matrix::outer(&d, &d) * self.spread.weight
+        });
+        let mean = from_fn(|i| self.centre[i] + self.to_mean[i]);
+        Gaussian::computed("predicted mean", "predicted covariance", mean, covariance)
+    }
+}
+
+/// Turns deviations of images into those from e, which lies `to_e` away; their covariance and that with the points of
+/// the state, which are plus and minus `columns`.
+fn about<const N: usize, const M: usize>(
+    images: &mut [[[f64; M]; 2]; N],
+    to_e: &[f64; M],
+    weight: f64,
+    columns: &[[f64; N]; N],
+) -> (Matrix<M, M>, Matrix<N, M>) {
+    let (mut covariance, mut cross) = (Matrix::ZERO, Matrix::ZERO);
+    for (dx, pair) in columns.iter().zip(images) {
+        for (sign, dz) in [weight, -weight].into_iter().zip(pair) {
+            *dz = from_fn(|i| dz[i] - to_e[i]);
+            covariance = covariance + Matrix::outer(dz, dz) * weight;
+            cross = cross + Matrix::outer(dx, dz) * sign;
+        }
+    }
+    (covariance, cross)
+}
+
 impl Transform for SigmaPoints {
     const BY_JACOBIANS: bool = false;
 
@@ -108,34 +191,26 @@ impl Transform for SigmaPoints {
         step: &A::Step,
         state: &Gaussian<N>,
     ) -> Result<Gaussian<N>> {
-        let spread = self.spread(N + W)?;
-        let noise = motion.noise();
-        let (mean, w) = (*state.mean(), [noise.mean(); W]);
-        let centre = A::apply(step, mean, w);
-        let deviation = |x: [f64; N], w: [f64; W]| -> [f64; N] {
-            let y = A::apply(step, x, w);
-            from_fn(|i| y[i] - centre[i])
-        };
-        let root = Cholesky::semidefinite("covariance of the state", state.covariance())?;
-        let by_state: [[[f64; N]; 2]; N] = from_fn(|j| {
-            [spread.distance, -spread.distance].map(|d| deviation(from_fn(|i| mean[i] + d * root.0[i][j]), w))
-        });
-        let distance = spread.distance * noise.variance().sqrt();
-        let by_noise: [[[f64; N]; 2]; W] = from_fn(|j| {
-            [distance, -distance].map(|d| {
-                let mut moved = w;
-                moved[j] += d;
-                deviation(mean, moved)
-            })
-        });
-        let deviations = || by_state.iter().chain(&by_noise).flatten();
-        let (to_mean, to_e) = spread.centres(deviations());
-        let covariance = deviations().fold(Matrix::ZERO, |sum, d| {
-            let d: [f64; N] = from_fn(|i| d[i] - to_e[i]);
-            sum + Matrix::outer(&d, &d) * spread.weight
-        });
-        let mean = from_fn(|i| centre[i] + to_mean[i]);
-        Gaussian::computed("predicted mean", "predicted covariance", mean, covariance)
+        Images::of(self, motion, step, state)?.law()
+    }
+
+    fn propagate_joint<A: Motion<N, W>, const N: usize, const W: usize>(
+        &self,
+        motion: &A,
+        step: &A::Step,
+        state: &Gaussian<N>,
+    ) -> Result<Joint<N>> {
+        let mut images = Images::of(self, motion, step, state)?;
+        let law = images.law()?;
+        let (weight, to_e) = (images.spread.weight, images.to_e);
+        let about_e = |d: &[f64; N]| from_fn(|i| d[i] - to_e[i]);
+        let added = images.by_noise.iter().flatten().map(about_e);
+        let added = added.fold(Matrix::ZERO, |sum, d| sum + Matrix::outer(&d, &d) * weight);
+        let columns = images.columns;
+        let (covariance, cross) = about(&mut images.by_state, &to_e, weight, &columns);
+        let deviations = Deviations::Points { weight, state: columns, measured: images.by_state };
+        let by_state = Observed { mean: *law.mean(), covariance, cross, deviations };
+        Ok(Joint { law, by_state, added })
     }
 
     fn observe<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
@@ -156,14 +231,7 @@ impl Transform for SigmaPoints {
             })
         });
         let (to_mean, to_e) = spread.centres(measured.iter().flatten());
-        let (mut covariance, mut cross) = (Matrix::ZERO, Matrix::ZERO);
-        for (dx, pair) in columns.iter().zip(&mut measured) {
-            for (sign, dz) in [spread.weight, -spread.weight].into_iter().zip(pair) {
-                *dz = from_fn(|i| dz[i] - to_e[i]);
-                covariance = covariance + Matrix::outer(dz, dz) * spread.weight;
-                cross = cross + Matrix::outer(dx, dz) * sign;
-            }
-        }
+        let (covariance, cross) = about(&mut measured, &to_e, spread.weight, &columns);
         let mean = from_fn(|i| {
             let z = centre[i] + to_mean[i];
             if H::ANGLE[i] { wrap(z) } else { z }

@@ -3,6 +3,7 @@
 use super::rts::backward;
 use crate::belief::{ModalGaussian, matched};
 use crate::error::{Error, Result};
+use crate::filter::Tangent;
 use crate::model::jump::MAX_MODES;
 use crate::model::{JumpMarkov, Motion};
 
@@ -54,7 +55,7 @@ where
                 // Where nothing leads to j, its filter gave it no probability, and nothing later can.
                 if joint > 0.0 && after.probabilities[j] > 0.0 {
                     let weight = after.probabilities[j] * (joint / predicted[j]);
-                    paths.push((weight, backward(motion, step, &now.laws[i], &after.laws[j])?));
+                    paths.push((weight, backward(&Tangent, motion, step, &now.laws[i], &after.laws[j])?));
                 }
             }
             probabilities[i] = paths.iter().map(|(weight, _)| weight).sum();

@@ -4,4 +4,4 @@ mod imm;
 mod rts;
 
 pub use imm::smooth_modes;
-pub use rts::rauch_tung_striebel;
+pub use rts::{rauch_tung_striebel, smooth_gaussian};

@@ -1,19 +1,17 @@
-//! The smoother of Rauch, Tung and Striebel (AIAA Journal 3(8), 1965).
+//! The smoother of Rauch, Tung and Striebel (AIAA Journal 3(8), 1965), for every way in which a Gaussian goes through
+//! a motion.
 
 use crate::belief::{Gaussian, GaussianBelief};
 use crate::error::{Error, Result};
-use crate::filter::MotionTangent;
-use crate::math::{Cholesky, Matrix};
+use crate::filter::{Tangent, Transform};
 use crate::model::Motion;
-use std::array::from_fn;
 
 /// The beliefs given all measurements, from the `filtered` ones in the order of time (after each step, whether it
 /// had a measurement or not; several at one instant are fine). Exact for linear normal models; otherwise the
 /// extended smoother: tangents of the motion at the filtered means, by dual numbers. The last belief stays as it is,
 /// and so does the order.
 ///
-/// The covariance is summed from squares, (I - G F) P (I - G F)' + G (Q + P_s) G' with the gain G and the smoothed
-/// covariance P_s of the step after, so that rounding does not make it indefinite.
+/// It is [`smooth_gaussian`] with [`Tangent`].
 ///
 /// # Errors
 /// [`Error::OutOfOrder`]; a model that refuses its parameters; a prediction that is not finite or whose covariance
@@ -23,6 +21,28 @@ pub fn rauch_tung_striebel<A, const N: usize, const W: usize>(
     filtered: &[GaussianBelief<N>],
 ) -> Result<Vec<GaussianBelief<N>>>
 where
+    A: Motion<N, W>,
+{
+    smooth_gaussian(&Tangent, motion, filtered)
+}
+
+/// [`rauch_tung_striebel`] for a `transform` of one's own: with [`SigmaPoints`](crate::filter::SigmaPoints) the
+/// unscented smoother (Särkkä, IEEE Transactions on Automatic Control 53(3), 2008), with the points of
+/// [`SigmaPoints::cubature`](crate::filter::SigmaPoints::cubature) that of cubature. Take the transform that filtered.
+///
+/// One step back with x before the step, y = f(x, w) after it and the gain G = Cov[x, y] Cov[y]^-1: the mean moves by
+/// G times what the mean of y moved, and the covariance is summed from squares, Cov[x - G y] + G P_s G' with the
+/// smoothed covariance P_s of y, so that rounding does not make it indefinite.
+///
+/// # Errors
+/// Those of [`rauch_tung_striebel`]; a motion that the transform does not hold for.
+pub fn smooth_gaussian<T, A, const N: usize, const W: usize>(
+    transform: &T,
+    motion: &A,
+    filtered: &[GaussianBelief<N>],
+) -> Result<Vec<GaussianBelief<N>>>
+where
+    T: Transform,
     A: Motion<N, W>,
 {
     let mut smoothed = filtered.to_vec();
@@ -37,30 +57,22 @@ where
             continue;
         }
         let step = motion.over(now.time, after.time)?;
-        smoothed[k - 1].state = backward(motion, &step, &now.state, &after.state)?;
+        smoothed[k - 1].state = backward(transform, motion, &step, &now.state, &after.state)?;
     }
     Ok(smoothed)
 }
 
 /// One step back: the smoothed law before a step from the filtered law `now` and the smoothed law `after` it.
-pub(super) fn backward<A, const N: usize, const W: usize>(
+pub(super) fn backward<T, A, const N: usize, const W: usize>(
+    transform: &T,
     motion: &A,
     step: &A::Step,
     now: &Gaussian<N>,
     after: &Gaussian<N>,
 ) -> Result<Gaussian<N>>
 where
+    T: Transform,
     A: Motion<N, W>,
 {
-    let noise = motion.noise();
-    let tangent = MotionTangent::<N, W>::at::<A>(step, now.mean(), &[noise.mean(); W]);
-    let added = tangent.noise_covariance(noise.variance());
-    let prior = now.covariance();
-    let predicted = Cholesky::of("predicted covariance", &(tangent.by_state.congruence(prior) + added))?;
-    let gain = predicted.solve_matrix(&(tangent.by_state * *prior)).transpose();
-    let correction = gain * from_fn(|i| after.mean()[i] - tangent.value[i]);
-    let mean = from_fn(|i| now.mean()[i] + correction[i]);
-    let kept = (Matrix::identity() - gain * tangent.by_state).congruence(prior);
-    let covariance = kept + gain.congruence(&(added + *after.covariance()));
-    Gaussian::computed("smoothed mean", "smoothed covariance", mean, covariance)
+    transform.propagate_joint(motion, step, now)?.condition(now, after)
 }
