@@ -111,3 +111,89 @@ fn a_negative_variance_by_the_book() {
     let (posterior, _) = default.update(&law, &[4.0], Time::ZERO).unwrap();
     assert!(Cholesky::of("P", posterior.covariance()).is_ok());
 }
+
+/// Range and bearing squared of a state of two components that moves as x + sin(y) + w: the cubature filter by its
+/// source's algorithms (Arasaratnam and Haykin 2009, section III) with 2 n points of weight 1 / 2 n and sums about
+/// the mean, written anew. A curved function tells square roots apart, so both take the same one.
+#[test]
+fn cubature_is_its_twin_of_2n_points() {
+    struct Swing;
+    impl Motion<2, 1> for Swing {
+        type Step = f64;
+        fn over(&self, from: Time, to: Time) -> Result<f64> {
+            Ok((to - from).secs())
+        }
+        fn apply<R: Real>(dt: &f64, [x, y]: [R; 2], [w]: [R; 1]) -> [R; 2] {
+            let (s, c) = y.sin_cos();
+            [x + s * *dt, y + (c + 2.0) * w * *dt]
+        }
+    }
+    struct Both;
+    impl Measurement<2> for Both {
+        type Value = [f64; 2];
+        type Given<'z> = ();
+        fn given<'z>(&'z self, _: &'z [f64; 2], _: Time) -> Result<()> {
+            Ok(())
+        }
+        fn log_likelihood<R: Real>(_: &(), x: [R; 2]) -> R {
+            x[0].constant(f64::NAN)
+        }
+    }
+    impl GaussianMeasurement<2, 2> for Both {
+        fn predict<R: Real>(&self, _: Time, [x, y]: [R; 2]) -> [R; 2] {
+            [x.hypot(y), x * y]
+        }
+        fn components(&self, z: &[f64; 2]) -> [f64; 2] {
+            *z
+        }
+        fn covariance(&self) -> [[f64; 2]; 2] {
+            [[0.5, 0.1], [0.1, 0.8]]
+        }
+    }
+    /// The points of a law with this square root, one after the other.
+    fn points<const N: usize>(mean: [f64; N], root: Matrix<N, N>) -> Vec<[f64; N]> {
+        let root = root * (N as f64).sqrt();
+        let point = |sign: f64, j: usize| std::array::from_fn(|i| mean[i] + sign * root.0[i][j]);
+        [1.0, -1.0].into_iter().flat_map(|sign| (0..N).map(move |j| point(sign, j))).collect()
+    }
+    /// Means of a_i, and of (a_i - mean a)(b_i - mean b)'.
+    fn mean<const N: usize>(a: &[[f64; N]]) -> [f64; N] {
+        std::array::from_fn(|i| a.iter().map(|a| a[i]).sum::<f64>() / a.len() as f64)
+    }
+    fn cross<const N: usize, const M: usize>(a: &[[f64; N]], b: &[[f64; M]]) -> Matrix<N, M> {
+        let (ma, mb) = (mean(a), mean(b));
+        let term =
+            |i: usize, j: usize| a.iter().zip(b).map(|(a, b)| (a[i] - ma[i]) * (b[j] - mb[j])).sum::<f64>();
+        Matrix::from_entries(|i, j| term(i, j) / a.len() as f64)
+    }
+
+    let law = Gaussian::new([3.0, -1.0], Matrix([[0.6, 0.2], [0.2, 0.4]])).unwrap();
+    let (to, z) = (Time::from_secs(0.5), [2.5, -3.0]);
+    // Noise is one more variable.
+    let root = |p: &Matrix<2, 2>| Cholesky::semidefinite("P", p).unwrap();
+    let [[a, b], [c, d]] = root(law.covariance()).0;
+    let augmented = Matrix([[a, b, 0.0], [c, d, 0.0], [0.0, 0.0, 1.0]]);
+    let images: Vec<[f64; 2]> = points([3.0, -1.0, 0.0], augmented)
+        .iter()
+        .map(|&[x, y, w]| Swing::apply(&0.5, [x, y], [w]))
+        .collect();
+    let (predicted, covariance) = (mean(&images), cross(&images, &images));
+    let states = points(predicted, root(&covariance));
+    let seen: Vec<[f64; 2]> = states.iter().map(|&x| Both.predict(to, x)).collect();
+    let s = cross(&seen, &seen) + Matrix(Both.covariance());
+    let gain = cross(&states, &seen) * Cholesky::of("S", &s).unwrap().inverse();
+    let nu = mean(&seen).map(|m| -m);
+    let nu = [z[0] + nu[0], z[1] + nu[1]];
+    let correction = gain * nu;
+    let posterior = covariance - gain.congruence(&s);
+    let evidence = Gaussian::new([0.0; 2], s).unwrap().log_density(&nu).unwrap();
+
+    let filter = Unscented::new(Swing, Both, law, SigmaPoints::cubature()).unwrap();
+    let mut belief = zerre::filter::Filter::start(&filter, Time::ZERO, zerre::rng::Stream::new(0)).unwrap();
+    let update = zerre::filter::Filter::step(&filter, &mut belief, to, Some(&z)).unwrap();
+    for i in 0..2 {
+        assert!((belief.state.mean()[i] - predicted[i] - correction[i]).abs() < 1e-12);
+    }
+    assert!((*belief.state.covariance() - posterior).max_abs() < 1e-12);
+    assert!((update.log_evidence - evidence).abs() < 1e-12);
+}
