@@ -36,6 +36,10 @@ pub enum Purpose {
     Other = 5,
     /// Modes of a Markov chain.
     Mode = 7,
+    /// Moves of static parameters.
+    Parameter = 11,
+    /// Perturbations of the measurements of an ensemble.
+    Ensemble = 12,
     /// Deriving keys.
     Fork = 255,
 }

@@ -1,7 +1,9 @@
 //! Rules that change beliefs. A filter holds models and settings and never changes; a belief is a value.
 
+mod ensemble;
 mod extended;
 mod gaussian;
+mod gaussian_sum;
 pub(crate) mod imm;
 mod imm_particle;
 mod kalman;
@@ -11,9 +13,11 @@ pub(crate) mod rao_blackwell;
 mod selection;
 mod unscented;
 
+pub use ensemble::{Correcting, Ensemble, EnsembleSettings};
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, Joint, PredictedMeasurement, Transform, predict_measurement};
+pub use gaussian_sum::{GaussianSum, Simplified, SumSettings};
 pub(crate) use imm::step_with as step_modes;
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;

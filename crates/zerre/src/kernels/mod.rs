@@ -6,6 +6,7 @@
 
 #[macro_use]
 mod level;
+mod ensemble;
 mod noise;
 mod philox;
 mod pool;
@@ -18,6 +19,7 @@ pub use level::Simd;
 pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
+pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
 pub(crate) use resample::{

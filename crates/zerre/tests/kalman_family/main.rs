@@ -3,7 +3,9 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod consistency;
+mod ensemble;
 mod exact;
+mod gaussian_sum;
 mod library;
 mod models;
 mod refusals;

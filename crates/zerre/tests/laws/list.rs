@@ -21,6 +21,9 @@ pub enum Class {
     Exact,
     /// Converges to the posterior as the number of particles grows.
     Consistent,
+    /// Converges to the posterior as the number of particles n grows, with a bias of at most `bias` / n in everything
+    /// that law 1 compares, evidence included.
+    Approximate { bias: f64 },
     /// Does what a paper says, which is not the posterior: free of laws 1, 2 and 5, and pinned by a test of its own.
     Reproduction,
 }
@@ -115,6 +118,7 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
         }
     }
     list.extend(crate::list_modes_gaussian::filters(world));
+    list.extend(crate::list_deterministic::filters(world, means));
     let default = NoiseSource::default();
     let roughened = particle(default, Resampling::Systematic, Trigger::Always, 0.2);
     list.push(entry("roughened (Gordon, Salmond and Smith)", Class::Reproduction, roughened));
