@@ -10,6 +10,7 @@ pub mod gaussian;
 mod lanes;
 mod matrix;
 mod real;
+pub(crate) mod simplex;
 mod special;
 
 pub use angle::wrap;
