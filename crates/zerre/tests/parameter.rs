@@ -40,9 +40,9 @@ fn variances() -> Parameters<2> {
     Parameters::new([("noise", noise), ("level", Law::InverseGamma { shape: 2.0, scale: 2000.0 })]).unwrap()
 }
 
-/// Durbin and Koopman (2012, section 2.10.3) print 15 099 and 1 469.1 for a diffuse start. Here the level has a variance
-/// of 1e7 at first, which moves the maximum by less than a thousandth; the likelihood, flat there, is that of the
-/// reference, and no lower than at the printed values.
+/// Durbin and Koopman (2012, section 2.10.3) print 15 099 and 1 469.1 for a diffuse start. Here the level has
+/// a variance of 1e7 at first, which moves the maximum by less than a thousandth; the likelihood, flat there,
+/// is that of the reference, and no lower than at the printed values.
 #[test]
 fn the_maximum_is_the_published_one() {
     let Some(data) = nile() else { return };
@@ -56,8 +56,8 @@ fn the_maximum_is_the_published_one() {
     assert!(best.log_likelihood >= exact(&data, &printed, 1e7).unwrap());
 }
 
-/// Posterior means and standard deviations of ln of both variances by a product rule over ten posterior standard
-/// deviations, a tenth of one apart: exact to many digits for so smooth a function.
+/// Posterior means and standard deviations of ln of both variances by a product rule over ten posterior
+/// standard deviations, a tenth of one apart: exact to many digits for so smooth a function.
 fn quadrature(data: &Data) -> [f64; 4] {
     let parameters = variances();
     let (mut weights, mut sums) = (0.0, [0.0; 4]);
@@ -78,8 +78,8 @@ fn quadrature(data: &Data) -> [f64; 4] {
     [a, b, (aa - a * a).sqrt(), (bb - b * b).sqrt()]
 }
 
-/// Means of the chain within five of their standard errors, and no more than a quarter of a posterior standard
-/// deviation wide; mean squares too.
+/// Means of the chain within five of their standard errors, and no more than a quarter of a posterior
+/// standard deviation wide; mean squares too.
 fn agrees(chain: &Chain<2>, [a, b, sa, sb]: [f64; 4]) {
     for (k, mean, sd) in [(0, a, sa), (1, b, sb)] {
         let z = |theta: &[f64; 2]| (theta[k].ln() - mean) / sd;
@@ -91,7 +91,8 @@ fn agrees(chain: &Chain<2>, [a, b, sa, sb]: [f64; 4]) {
     }
 }
 
-/// With exact likelihoods, and with those of 150 particles, whose logarithms have a standard deviation of about one.
+/// With exact likelihoods, and with those of 150 particles, whose logarithms have a standard deviation of
+/// about one.
 #[test]
 fn chains_have_the_posterior_as_their_law() {
     let Some(data) = nile() else { return };
@@ -130,8 +131,8 @@ fn chains_have_the_posterior_as_their_law() {
     assert!((0.3..2.0).contains(&sd), "{sd}");
 }
 
-/// With common random numbers the estimate is a function, and its maximum lies within two posterior standard deviations
-/// of the exact one: the error that the data leave anyway.
+/// With common random numbers the estimate is a function, and its maximum lies within two posterior standard
+/// deviations of the exact one: the error that the data leave anyway.
 #[test]
 fn particles_find_the_maximum() {
     let Some(data) = nile() else { return };
@@ -165,8 +166,8 @@ fn laws() -> [Law; 5] {
     ]
 }
 
-/// Densities have the moments of the draws: mean and mean square of 100 000 within five standard errors of what a sum
-/// over the density gives, and the density sums up to 1.
+/// Densities have the moments of the draws: mean and mean square of 100 000 within five standard errors of
+/// what a sum over the density gives, and the density sums up to 1.
 #[test]
 fn densities_are_those_of_the_draws() {
     for law in laws() {

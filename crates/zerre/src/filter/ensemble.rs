@@ -14,18 +14,18 @@ use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use std::array::from_fn;
 
-/// How a measurement corrects the members of an ensemble. Either way their mean moves by the Kalman gain of their
-/// moments times the innovation.
+/// How a measurement corrects the members of an ensemble. Either way their mean moves by the Kalman gain of
+/// their moments times the innovation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Correcting {
-    /// Each member meets the measurement with an error of its own, drawn from the law of the measurement's (Burgers,
-    /// van Leeuwen and Evensen, Monthly Weather Review 126, 1998); the errors are recentred to have mean zero, so that
-    /// they move the spread of the members only.
+    /// Each member meets the measurement with an error of its own, drawn from the law of the measurement's
+    /// (Burgers, van Leeuwen and Evensen, Monthly Weather Review 126, 1998); the errors are recentred to have
+    /// mean zero, so that they move the spread of the members only.
     #[default]
     Perturbed,
-    /// Deviations from the mean shrink by P_xh S^-T/2 (S^1/2 + R^1/2)^-1 times those of h (Whitaker and Hamill,
-    /// Monthly Weather Review 130, 2002; Andrews 1968), square roots after Cholesky: the covariance of the members
-    /// becomes that of the Kalman update without any draw.
+    /// Deviations from the mean shrink by P_xh S^-T/2 (S^1/2 + R^1/2)^-1 times those of h (Whitaker and
+    /// Hamill, Monthly Weather Review 130, 2002; Andrews 1968), square roots after Cholesky: the covariance
+    /// of the members becomes that of the Kalman update without any draw.
     SquareRoot,
 }
 
@@ -56,17 +56,19 @@ impl Default for EnsembleSettings {
     }
 }
 
-/// The ensemble Kalman filter (Evensen, Journal of Geophysical Research 99, 1994) for a motion model `A`, a sensor `H`
-/// and a prior `P`: members move as particles do and keep equal weights; a measurement corrects them by the Kalman gain
-/// of their sample moments, P_xh (P_hh + R)^-1, divided by one less than their number n.
+/// The ensemble Kalman filter (Evensen, Journal of Geophysical Research 99, 1994) for a motion model `A`, a
+/// sensor `H` and a prior `P`: members move as particles do and keep equal weights; a measurement corrects
+/// them by the Kalman gain of their sample moments, P_xh (P_hh + R)^-1, divided by one less than their number
+/// n.
 ///
-/// The log-evidence is ln N(nu; 0, P_hh + R), nu being the measurement less the mean of h over the members, angles
-/// wrapped. On linear normal models mean, covariance and evidence are off by terms of the order of 1 / n, on others by
-/// what the linear update misses too. Moments of few members are rank-deficient, so that at least M + 2 are needed for
-/// a measurement of M components, and a small ensemble forgets too fast: nothing is inflated here.
+/// The log-evidence is ln N(nu; 0, P_hh + R), nu being the measurement less the mean of h over the members,
+/// angles wrapped. On linear normal models mean, covariance and evidence are off by terms of the order of 1 /
+/// n, on others by what the linear update misses too. Moments of few members are rank-deficient, so that at
+/// least M + 2 are needed for a measurement of M components, and a small ensemble forgets too fast: nothing
+/// is inflated here.
 ///
-/// The outcome is [`Outcome::Degenerate`] where the evidence or the corrected members are not finite. The effective
-/// sample size of its updates is the number of members.
+/// The outcome is [`Outcome::Degenerate`] where the evidence or the corrected members are not finite. The
+/// effective sample size of its updates is the number of members.
 ///
 /// ```
 /// use zerre::belief::Gaussian;
@@ -145,8 +147,8 @@ where
         finite(&cloud.spare)
     }
 
-    /// Corrects the members that [`Ensemble::advance`] wrote; the log-evidence, or nothing where the arithmetic does
-    /// not hold.
+    /// Corrects the members that [`Ensemble::advance`] wrote; the log-evidence, or nothing where the
+    /// arithmetic does not hold.
     fn correct(&self, cloud: &mut Cloud<N>, z: &[f64; M], noise: &Noisy<M>, at: Time) -> Option<f64> {
         let EnsembleSettings { simd, correcting, ref threads, .. } = self.settings;
         let sensor = (&self.measurement, at);

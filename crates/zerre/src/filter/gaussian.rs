@@ -134,8 +134,8 @@ impl<const N: usize> Joint<N> {
         &self.by_state.cross
     }
 
-    /// The law of x once y is known to have the law `after`, `now` being the law of x before: the gain is
-    /// G = Cov[x, y] Cov[y]^-1 (Särkkä, IEEE Transactions on Automatic Control 53(3), 2008), and the covariance
+    /// The law of x once y is known to have the law `after`, `now` being the law of x before: the gain is G =
+    /// Cov[x, y] Cov[y]^-1 (Särkkä, IEEE Transactions on Automatic Control 53(3), 2008), and the covariance
     /// Cov[x - G y] + G P_after G' is summed from squares, so that rounding does not make it indefinite.
     pub(crate) fn condition(&self, now: &Gaussian<N>, after: &Gaussian<N>) -> Result<Gaussian<N>> {
         let predicted = Cholesky::of("predicted covariance", self.law.covariance())?;

@@ -1,5 +1,5 @@
-//! The Gaussian sum filter: a mixture whose parts are split where a function bends within them, and put together again
-//! where they say the same.
+//! The Gaussian sum filter: a mixture whose parts are split where a function bends within them, and put
+//! together again where they say the same.
 
 use super::extended::measurement_tangent;
 use super::gaussian::{Deviations, Observed, gate_distance, predict_law, update_law};
@@ -18,15 +18,16 @@ use std::array::from_fn;
 pub struct SumSettings {
     /// Most parts that a step leaves, 64 by default; within a step there may be three times as many.
     pub parts: usize,
-    /// Parts are split while their weight times their curvature exceeds this, 0.01 by default; infinite for never. The
-    /// curvature is the trace of C^-1 Omega, Omega being the mean square of what the tangent leaves of h(x) and C the
-    /// covariance of the measurement's noise; for the motion, of what it leaves of f(x, w) and C that of f(x, w).
+    /// Parts are split while their weight times their curvature exceeds this, 0.01 by default; infinite for
+    /// never. The curvature is the trace of C^-1 Omega, Omega being the mean square of what the tangent
+    /// leaves of h(x) and C the covariance of the measurement's noise; for the motion, of what it leaves of
+    /// f(x, w) and C that of f(x, w).
     pub split: f64,
-    /// Parts whose weights together are no more than this are dropped, 1e-6 by default; after the motion and after the
-    /// measurement each.
+    /// Parts whose weights together are no more than this are dropped, 1e-6 by default; after the motion and
+    /// after the measurement each.
     pub prune: f64,
-    /// Parts are merged while that costs no more than this in all (nats), 1e-3 by default, and further down to the
-    /// number of parts whatever it costs; after the motion and after the measurement each.
+    /// Parts are merged while that costs no more than this in all (nats), 1e-3 by default, and further down
+    /// to the number of parts whatever it costs; after the motion and after the measurement each.
     pub merge: f64,
 }
 
@@ -36,40 +37,43 @@ impl Default for SumSettings {
     }
 }
 
-/// What a step did to the parts of a mixture besides Bayes' rule: after the motion and after the measurement, summed.
+/// What a step did to the parts of a mixture besides Bayes' rule: after the motion and after the measurement,
+/// summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Simplified {
     /// How often a part was split in three.
     pub splits: usize,
-    /// Weight of the parts that were dropped. With p a mixture before and q the one after, the divergence D(q || p) is
-    /// at most -ln(1 - `pruned`).
+    /// Weight of the parts that were dropped. With p a mixture before and q the one after, the divergence D(q
+    /// || p) is at most -ln(1 - `pruned`).
     pub pruned: f64,
     /// How often two parts became one.
     pub merges: usize,
-    /// What that cost: the sum of Runnalls' bounds, in nats. With p a mixture before and q the one after, D(p || q) is
-    /// at most this.
+    /// What that cost: the sum of Runnalls' bounds, in nats. With p a mixture before and q the one after, D(p
+    /// || q) is at most this.
     pub cost: f64,
 }
 
-/// The Gaussian sum filter (Sorenson and Alspach, Automatica 7, 1971; Alspach and Sorenson, IEEE Transactions on
-/// Automatic Control 17(4), 1972): the posterior as a mixture, each part of which goes through the models as in a
-/// Kalman filter of the kind of `T` and is weighed by its evidence.
+/// The Gaussian sum filter (Sorenson and Alspach, Automatica 7, 1971; Alspach and Sorenson, IEEE Transactions
+/// on Automatic Control 17(4), 1972): the posterior as a mixture, each part of which goes through the models
+/// as in a Kalman filter of the kind of `T` and is weighed by its evidence.
 ///
-/// One Gaussian cannot say more than one linearisation knows. Before each function the part whose weight times
-/// curvature is largest is split in three along the column of the square root of its covariance that bends most, until
-/// none exceeds [`SumSettings::split`]. Weights .2252, .5495, .2252 and means -1.0575, 0, 1.0575 standard deviations are
-/// those that DeMars, Bishop and Jah (Journal of Guidance, Control, and Dynamics 36(4), 2013) fitted to a normal law;
-/// theirs have variances of .4510, which leave .9548 of the whole, and here they are .4963, so that splitting changes
-/// neither mean nor covariance. Curvature is taken at the points of [`SigmaPoints::default`] for every `T`.
+/// One Gaussian cannot say more than one linearisation knows. Before each function the part whose weight
+/// times curvature is largest is split in three along the column of the square root of its covariance that
+/// bends most, until none exceeds [`SumSettings::split`]. Weights .2252, .5495, .2252 and means -1.0575, 0,
+/// 1.0575 standard deviations are those that DeMars, Bishop and Jah (Journal of Guidance, Control, and
+/// Dynamics 36(4), 2013) fitted to a normal law; theirs have variances of .4510, which leave .9548 of the
+/// whole, and here they are .4963, so that splitting changes neither mean nor covariance. Curvature is taken
+/// at the points of [`SigmaPoints::default`] for every `T`.
 ///
-/// After a motion, and again after a measurement, the lightest parts are dropped, and pairs become one Gaussian of the same mean and covariance in
-/// the order of Runnalls' bound ((w_i + w_j) ln|P_ij| - w_i ln|P_i| - w_j ln|P_j|) / 2 on the divergence that it makes
-/// (Runnalls, IEEE Transactions on Aerospace and Electronic Systems 43(3), 2007). The bounds of all merges at one point
-/// add up to a bound for them together; [`GaussianSum::advance`] states the sum for the step.
+/// After a motion, and again after a measurement, the lightest parts are dropped, and pairs become one
+/// Gaussian of the same mean and covariance in the order of Runnalls' bound ((w_i + w_j) ln|P_ij| - w_i
+/// ln|P_i| - w_j ln|P_j|) / 2 on the divergence that it makes (Runnalls, IEEE Transactions on Aerospace and
+/// Electronic Systems 43(3), 2007). The bounds of all merges at one point add up to a bound for them
+/// together; [`GaussianSum::advance`] states the sum for the step.
 ///
-/// On linear models nothing is ever split, and the filter is the Kalman filter. Process noise that is not normal
-/// counts with its mean and variance. The belief has one mode; a mixture of one's own ([`Hypotheses::new`]) may start
-/// it.
+/// On linear models nothing is ever split, and the filter is the Kalman filter. Process noise that is not
+/// normal counts with its mean and variance. The belief has one mode; a mixture of one's own
+/// ([`Hypotheses::new`]) may start it.
 ///
 /// ```
 /// use zerre::belief::Gaussian;
@@ -110,8 +114,8 @@ where
     /// The filter of these models, started from `prior`.
     ///
     /// # Errors
-    /// Models or parameters that the `transform` does not hold for; no part or more than 4096; limits that are negative
-    /// or NaN, a share to drop of 1 or more.
+    /// Models or parameters that the `transform` does not hold for; no part or more than 4096; limits that
+    /// are negative or NaN, a share to drop of 1 or more.
     pub fn new(
         transform: T,
         motion: A,
@@ -137,8 +141,8 @@ where
         Ok(GaussianSum { transform, motion, measurement, prior, settings, gate: None })
     }
 
-    /// Leaves out measurements whose squared Mahalanobis distance from what the whole mixture, taken as one Gaussian,
-    /// foretells exceeds the chi-square quantile at `probability`.
+    /// Leaves out measurements whose squared Mahalanobis distance from what the whole mixture, taken as one
+    /// Gaussian, foretells exceeds the chi-square quantile at `probability`.
     ///
     /// # Errors
     /// `probability` outside (0, 1).
@@ -244,8 +248,8 @@ where
         Ok(())
     }
 
-    /// Splits the part of the largest weight times curvature until none exceeds the limit or there are too many;
-    /// returns how often. `curvature` tells it and the column of the square root that bends most.
+    /// Splits the part of the largest weight times curvature until none exceeds the limit or there are too
+    /// many; returns how often. `curvature` tells it and the column of the square root that bends most.
     fn split(
         &self,
         parts: &mut Vec<Hypothesis<N>>,
@@ -292,8 +296,8 @@ fn seen_curvature<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
     observed.map_or((0.0, 0), |observed| worst(&observed, &tangent, noise))
 }
 
-/// Curvature of the motion, with the column that bends most. None where the points have no images or these are
-/// singular.
+/// Curvature of the motion, with the column that bends most. None where the points have no images or these
+/// are singular.
 fn moved_curvature<A: Motion<N, W>, const N: usize, const W: usize>(
     motion: &A,
     step: &A::Step,
@@ -306,8 +310,8 @@ fn moved_curvature<A: Motion<N, W>, const N: usize, const W: usize>(
     scaled.map_or((0.0, 0), |(factor, joint)| worst(&joint.by_state, &tangent, &factor))
 }
 
-/// The trace of C^-1 Omega and the column that adds most to it, C being the matrix that was factored. The sigma points
-/// are those of [`SigmaPoints::default`], which count deviations from the image of the mean.
+/// The trace of C^-1 Omega and the column that adds most to it, C being the matrix that was factored. The
+/// sigma points are those of [`SigmaPoints::default`], which count deviations from the image of the mean.
 fn worst<const N: usize, const K: usize>(
     seen: &Observed<N, K>,
     tangent: &Matrix<K, N>,
@@ -346,7 +350,8 @@ fn thirds<const N: usize>(part: &Hypothesis<N>, axis: usize) -> Result<[Hypothes
     Ok([at(outer, -distance)?, at(1.0 - 2.0 * outer, 0.0)?, at(outer, distance)?])
 }
 
-/// Sorts the parts by weight and drops the lightest, which together have no more than `share`; returns their weight.
+/// Sorts the parts by weight and drops the lightest, which together have no more than `share`; returns their
+/// weight.
 fn prune<const N: usize>(parts: &mut Vec<Hypothesis<N>>, share: f64) -> f64 {
     parts.sort_unstable_by(|a, b| b.weight.total_cmp(&a.weight));
     let mut dropped = 0.0;

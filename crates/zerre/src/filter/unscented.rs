@@ -51,9 +51,10 @@ struct Spread {
 }
 
 impl SigmaPoints {
-    /// The points of the cubature Kalman filter (Arasaratnam and Haykin, IEEE Transactions on Automatic Control 54(6),
-    /// 2009): 2 n of them at sqrt(n) standard deviations, all of the same weight, the mean not among them. They are
-    /// exact for polynomials of degree three, as every choice here is, and the covariance is about the mean.
+    /// The points of the cubature Kalman filter (Arasaratnam and Haykin, IEEE Transactions on Automatic
+    /// Control 54(6), 2009): 2 n of them at sqrt(n) standard deviations, all of the same weight, the mean not
+    /// among them. They are exact for polynomials of degree three, as every choice here is, and the
+    /// covariance is about the mean.
     ///
     /// With the image of the mean as the origin of differences they cost one evaluation more than 2 n.
     pub fn cubature() -> Self {
@@ -163,8 +164,8 @@ impl<const N: usize, const W: usize> Images<N, W> {
     }
 }
 
-/// Turns deviations of images into those from e, which lies `to_e` away; their covariance and that with the points of
-/// the state, which are plus and minus `columns`.
+/// Turns deviations of images into those from e, which lies `to_e` away; their covariance and that with the
+/// points of the state, which are plus and minus `columns`.
 fn about<const N: usize, const M: usize>(
     images: &mut [[[f64; M]; 2]; N],
     to_e: &[f64; M],

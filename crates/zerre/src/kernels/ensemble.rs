@@ -1,5 +1,5 @@
-//! What an ensemble Kalman filter does to blocks of members: how they look through a sensor, how that varies with
-//! their states, and their correction.
+//! What an ensemble Kalman filter does to blocks of members: how they look through a sensor, how that varies
+//! with their states, and their correction.
 
 use super::noise::NoiseBlock;
 use super::propagate::{load_part, store_part};
@@ -9,7 +9,8 @@ use crate::model::GaussianMeasurement;
 use crate::time::Time;
 use fearless_simd::Simd as Token;
 
-/// One member, from which the others are counted, so that angles are differences and sums of squares lose nothing.
+/// One member, from which the others are counted, so that angles are differences and sums of squares lose
+/// nothing.
 #[derive(Clone, Copy)]
 pub(crate) struct Reference<const N: usize, const M: usize> {
     pub(crate) state: [f64; N],

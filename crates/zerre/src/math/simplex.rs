@@ -22,8 +22,8 @@ pub(crate) struct Summit<const K: usize> {
     pub(crate) evaluations: usize,
 }
 
-/// The highest point of `height` near `start` (Nelder and Mead, The Computer Journal 7, 1965). -inf is lower than
-/// everything, and NaN must not come.
+/// The highest point of `height` near `start` (Nelder and Mead, The Computer Journal 7, 1965). -inf is lower
+/// than everything, and NaN must not come.
 pub(crate) fn climb<const K: usize>(
     start: [f64; K],
     search: Search,
@@ -78,7 +78,8 @@ mod tests {
 
     const SEARCH: Search = Search { first: 0.5, close: 1e-9, turns: 2000 };
 
-    /// Rosenbrock's valley, upside down: its summit is (1, 1). Heights near it are flat to rounding within 1e-8.
+    /// Rosenbrock's valley, upside down: its summit is (1, 1). Heights near it are flat to rounding within
+    /// 1e-8.
     #[test]
     fn a_curved_ridge_is_climbed() {
         let ridge = |x: &[f64; 2]| Ok(-(1.0 - x[0]).powi(2) - 100.0 * (x[1] - x[0] * x[0]).powi(2));

@@ -12,7 +12,8 @@ pub struct ChainSettings {
     pub draws: usize,
     /// Moves before, in which the proposals are fitted, 500 by default.
     pub burn_in: usize,
-    /// Standard deviation of the first proposals in every free coordinate (see [`Law`](super::Law)), 0.3 by default.
+    /// Standard deviation of the first proposals in every free coordinate (see [`Law`](super::Law)), 0.3 by
+    /// default.
     pub first_step: f64,
 }
 
@@ -41,8 +42,9 @@ impl<const K: usize> Chain<K> {
         self.draws.iter().map(of).sum::<f64>() / self.draws.len() as f64
     }
 
-    /// Standard error of [`Chain::mean`], from the means of sqrt(n) batches of neighbours, so that what neighbours have
-    /// in common is counted (Flegal and Jones, Annals of Statistics 38, 2010). NaN for fewer than four values.
+    /// Standard error of [`Chain::mean`], from the means of sqrt(n) batches of neighbours, so that what
+    /// neighbours have in common is counted (Flegal and Jones, Annals of Statistics 38, 2010). NaN for fewer
+    /// than four values.
     pub fn standard_error(&self, of: impl Fn(&[f64; K]) -> f64) -> f64 {
         let size = (self.draws.len() as f64).sqrt() as usize;
         let batches: Vec<f64> = self
@@ -57,22 +59,23 @@ impl<const K: usize> Chain<K> {
     }
 }
 
-/// Particle marginal Metropolis-Hastings (Andrieu, Doucet and Holenstein, Journal of the Royal Statistical Society B
-/// 72(3), 2010) from `start`: a random walk over the parameters whose moves are accepted with the ratio of priors times
-/// *estimated* likelihoods. Where the estimates of `log_likelihood` are unbiased before the logarithm is taken, as those
-/// of particle filters are, the chain has the posterior itself as its law, whatever their spread; what spread there is
-/// makes it stick. About as many particles serve best as give the log-likelihood a standard deviation of 1 to 1.7
-/// (Doucet, Pitt, Deligiannidis and Kohn, Biometrika 102(2), 2015). The estimate of the current value is kept, never
-/// made anew. With exact likelihoods it is the algorithm of Metropolis and Hastings.
+/// Particle marginal Metropolis-Hastings (Andrieu, Doucet and Holenstein, Journal of the Royal Statistical
+/// Society B 72(3), 2010) from `start`: a random walk over the parameters whose moves are accepted with the
+/// ratio of priors times *estimated* likelihoods. Where the estimates of `log_likelihood` are unbiased before
+/// the logarithm is taken, as those of particle filters are, the chain has the posterior itself as its law,
+/// whatever their spread; what spread there is makes it stick. About as many particles serve best as give the
+/// log-likelihood a standard deviation of 1 to 1.7 (Doucet, Pitt, Deligiannidis and Kohn, Biometrika 102(2),
+/// 2015). The estimate of the current value is kept, never made anew. With exact likelihoods it is the
+/// algorithm of Metropolis and Hastings.
 ///
-/// In the burn-in the covariance of the steps and their size are fitted (Andrieu and Thoms, Statistics and Computing
-/// 18, 2008, algorithm 4, gains k^-0.6, acceptance of 0.44 for one parameter and 0.234 for more); then they stay.
-/// Each move hands another [`Stream`] to `log_likelihood`. -inf means impossible: return it where a model refuses the
-/// value.
+/// In the burn-in the covariance of the steps and their size are fitted (Andrieu and Thoms, Statistics and
+/// Computing 18, 2008, algorithm 4, gains k^-0.6, acceptance of 0.44 for one parameter and 0.234 for more);
+/// then they stay. Each move hands another [`Stream`] to `log_likelihood`. -inf means impossible: return it
+/// where a model refuses the value.
 ///
 /// # Errors
-/// A start outside the prior or of likelihood zero, settings out of range, a log-likelihood that is NaN or +inf, and
-/// the errors of `log_likelihood`.
+/// A start outside the prior or of likelihood zero, settings out of range, a log-likelihood that is NaN or
+/// +inf, and the errors of `log_likelihood`.
 pub fn particle_metropolis_hastings<const K: usize>(
     parameters: &Parameters<K>,
     start: [f64; K],

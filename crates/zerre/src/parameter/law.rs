@@ -5,8 +5,8 @@ use crate::math::{Real, exp, ln, ln_gamma};
 use crate::rng::Draws;
 use std::f64::consts::TAU;
 
-/// The prior of one parameter. Its free coordinate is the value itself for a normal law, its logarithm for laws of
-/// positive numbers, and ln((x - low) / (high - x)) between borders.
+/// The prior of one parameter. Its free coordinate is the value itself for a normal law, its logarithm for
+/// laws of positive numbers, and ln((x - low) / (high - x)) between borders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Law {

@@ -16,16 +16,18 @@ pub struct Maximum<const K: usize> {
     pub evaluations: usize,
 }
 
-/// How near corners of the simplex lie to each other at the end, in free coordinates (see [`Law`](super::Law)).
+/// How near corners of the simplex lie to each other at the end, in free coordinates (see
+/// [`Law`](super::Law)).
 const CLOSE: f64 = 1e-5;
 /// Turns that the simplex takes at most.
 const TURNS: usize = 1000;
 
-/// The largest likelihood near `start`, by the simplex of Nelder and Mead in free coordinates, which `parameters` give;
-/// the priors themselves do not count. Every value sees the same random numbers, those of `stream` (common random
-/// numbers): the estimate of a particle filter is then a fixed function of the parameters, and differences between
-/// neighbours are far less noisy than either. Resampling leaves small jumps in it (Pitt, Warwick Economic Research
-/// Paper 651, 2002; Malik and Pitt, Journal of Econometrics 165(2), 2011), which the simplex passes over.
+/// The largest likelihood near `start`, by the simplex of Nelder and Mead in free coordinates, which
+/// `parameters` give; the priors themselves do not count. Every value sees the same random numbers, those of
+/// `stream` (common random numbers): the estimate of a particle filter is then a fixed function of the
+/// parameters, and differences between neighbours are far less noisy than either. Resampling leaves small
+/// jumps in it (Pitt, Warwick Economic Research Paper 651, 2002; Malik and Pitt, Journal of Econometrics
+/// 165(2), 2011), which the simplex passes over.
 ///
 /// # Errors
 /// A start outside the prior or of likelihood zero, a log-likelihood that is NaN or +inf, and the errors of

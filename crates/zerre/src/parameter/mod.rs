@@ -1,8 +1,9 @@
 //! Static parameters of models: what is not known of a motion or a sensor and does not change with time.
 //!
-//! A method asks for one thing only: the log-likelihood of all measurements at a value of the parameters, as a closure
-//! of that value and of a [`Stream`]. [`log_likelihood`] gives it for any [`Filter`](crate::filter::Filter): exactly
-//! with a Kalman filter, as an estimate whose exponential is unbiased with a particle filter.
+//! A method asks for one thing only: the log-likelihood of all measurements at a value of the parameters, as
+//! a closure of that value and of a [`Stream`]. [`log_likelihood`] gives it for any
+//! [`Filter`](crate::filter::Filter): exactly with a Kalman filter, as an estimate whose exponential is
+//! unbiased with a particle filter.
 
 mod chain;
 mod law;
@@ -19,8 +20,9 @@ use crate::time::Time;
 use std::array::from_fn;
 use std::borrow::Borrow;
 
-/// The log-likelihood of `data`, measurements or their absence in the order of time, from a belief at `start`: the sum
-/// of the [`log_evidence`](crate::filter::Update::log_evidence) of all steps. -inf once a step is degenerate.
+/// The log-likelihood of `data`, measurements or their absence in the order of time, from a belief at
+/// `start`: the sum of the [`log_evidence`](crate::filter::Update::log_evidence) of all steps. -inf once a
+/// step is degenerate.
 ///
 /// # Errors
 /// Those of the filter.
@@ -50,8 +52,8 @@ pub struct Parameter {
     pub law: Law,
 }
 
-/// `K` parameters, independent beforehand. Methods move in coordinates that have no borders, one per parameter (see
-/// [`Law`]).
+/// `K` parameters, independent beforehand. Methods move in coordinates that have no borders, one per
+/// parameter (see [`Law`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters<const K: usize> {
     list: [Parameter; K],

@@ -1,5 +1,5 @@
-//! The smoother of Rauch, Tung and Striebel (AIAA Journal 3(8), 1965), for every way in which a Gaussian goes through
-//! a motion.
+//! The smoother of Rauch, Tung and Striebel (AIAA Journal 3(8), 1965), for every way in which a Gaussian goes
+//! through a motion.
 
 use crate::belief::{Gaussian, GaussianBelief};
 use crate::error::{Error, Result};
@@ -26,13 +26,14 @@ where
     smooth_gaussian(&Tangent, motion, filtered)
 }
 
-/// [`rauch_tung_striebel`] for a `transform` of one's own: with [`SigmaPoints`](crate::filter::SigmaPoints) the
-/// unscented smoother (Särkkä, IEEE Transactions on Automatic Control 53(3), 2008), with the points of
-/// [`SigmaPoints::cubature`](crate::filter::SigmaPoints::cubature) that of cubature. Take the transform that filtered.
+/// [`rauch_tung_striebel`] for a `transform` of one's own: with [`SigmaPoints`](crate::filter::SigmaPoints)
+/// the unscented smoother (Särkkä, IEEE Transactions on Automatic Control 53(3), 2008), with the points of
+/// [`SigmaPoints::cubature`](crate::filter::SigmaPoints::cubature) that of cubature. Take the transform that
+/// filtered.
 ///
-/// One step back with x before the step, y = f(x, w) after it and the gain G = Cov[x, y] Cov[y]^-1: the mean moves by
-/// G times what the mean of y moved, and the covariance is summed from squares, Cov[x - G y] + G P_s G' with the
-/// smoothed covariance P_s of y, so that rounding does not make it indefinite.
+/// One step back with x before the step, y = f(x, w) after it and the gain G = Cov[x, y] Cov[y]^-1: the mean
+/// moves by G times what the mean of y moved, and the covariance is summed from squares, Cov[x - G y] + G P_s
+/// G' with the smoothed covariance P_s of y, so that rounding does not make it indefinite.
 ///
 /// # Errors
 /// Those of [`rauch_tung_striebel`]; a motion that the transform does not hold for.

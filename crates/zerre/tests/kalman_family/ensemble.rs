@@ -45,8 +45,8 @@ fn corrected<const M: usize>(
     (before, moments(&cloud), update)
 }
 
-/// For a linear measurement the members' mean, and with square roots their covariance too, are the Kalman filter's for
-/// a prior of the members' moments: a few roundings of sums of n numbers, below 1e-11.
+/// For a linear measurement the members' mean, and with square roots their covariance too, are the Kalman
+/// filter's for a prior of the members' moments: a few roundings of sums of n numbers, below 1e-11.
 #[test]
 fn a_correction_is_kalmans_for_the_moments_of_the_members() {
     let correlated = positions(0.7);
@@ -79,8 +79,9 @@ fn a_correction_is_kalmans_for_the_moments_of_the_members() {
     check(three, [2.0, 1.0, -3.0]);
 }
 
-/// Perturbed members spread as they should on average. Over 200 ensembles of 100, the covariances that a correction
-/// leaves less those of Kalman for the same members average zero: five standard errors from their own spread.
+/// Perturbed members spread as they should on average. Over 200 ensembles of 100, the covariances that a
+/// correction leaves less those of Kalman for the same members average zero: five standard errors from their
+/// own spread.
 #[test]
 fn perturbations_have_the_law_of_the_measurement() {
     let filter = filter(positions(0.7), 100, Correcting::Perturbed);
@@ -100,7 +101,8 @@ fn perturbations_have_the_law_of_the_measurement() {
             let mean = gaps.iter().map(|gap| gap.0[i][j]).sum::<f64>() / n;
             let square = gaps.iter().map(|gap| (gap.0[i][j] - mean).powi(2)).sum::<f64>();
             let error = (square / (n - 1.0) / n).sqrt();
-            // The mistake to find: without perturbations x has variance K R K' = 0.4 too little, forty errors.
+            // The mistake to find: without perturbations x has variance K R K' = 0.4 too little, forty
+            // errors.
             assert!(mean.abs() < 5.0 * error && error < 0.01, "{i} {j}: {mean} of {error}");
         }
     }
@@ -136,8 +138,9 @@ fn neither_threads_nor_lanes_show() {
     }
 }
 
-/// A target on the cut of the bearings, at (-10, 0): members on either side agree that z = pi - 0.01 is near. The
-/// correction is Kalman's with the tangent at the mean, up to the curvature of 0.1 m in 10 m: half a per cent.
+/// A target on the cut of the bearings, at (-10, 0): members on either side agree that z = pi - 0.01 is near.
+/// The correction is Kalman's with the tangent at the mean, up to the curvature of 0.1 m in 10 m: half a per
+/// cent.
 #[test]
 fn bearings_across_the_cut() {
     let sensor = Polar::<true> { range_sd: 0.1, bearing_sd: 0.01 };
@@ -149,8 +152,8 @@ fn bearings_across_the_cut() {
         let start = cloud.mean();
         let z = std::f64::consts::PI - 0.01;
         filter.step(&mut cloud, Time::ZERO, Some(&[10.0, z])).unwrap();
-        // Both of variance 0.01: half way from the mean of the members to y = 0.1. The gain errs by 1 / sqrt(n) and
-        // more, of 0.05; 0.005 is six times that.
+        // Both of variance 0.01: half way from the mean of the members to y = 0.1. The gain errs by 1 /
+        // sqrt(n) and more, of 0.05; 0.005 is six times that.
         let expected = 0.5 * (start[2] + 0.1);
         assert!((cloud.mean()[2] - expected).abs() < 0.005, "{} {expected}", cloud.mean()[2]);
     }

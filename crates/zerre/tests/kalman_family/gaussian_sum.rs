@@ -56,8 +56,8 @@ fn parts(of: &Hypotheses<1>) -> Vec<Hypothesis<1>> {
     of.iter().copied().collect()
 }
 
-/// Random mixtures of eight parts, merged down to fewer: mean and covariance stay to a few roundings of numbers up to
-/// 100, and the stated cost bounds the divergence that quadrature finds, without being empty.
+/// Random mixtures of eight parts, merged down to fewer: mean and covariance stay to a few roundings of
+/// numbers up to 100, and the stated cost bounds the divergence that quadrature finds, without being empty.
 #[test]
 fn merging_keeps_moments_and_states_its_cost() {
     let mut draws = Stream::new(12).draws(Purpose::Other, 0, 0);
@@ -210,8 +210,8 @@ impl Lattice {
     }
 }
 
-/// The square of a state that may have either sign: the posterior has two modes, of which an extended filter sees one
-/// and the sum both.
+/// The square of a state that may have either sign: the posterior has two modes, of which an extended filter
+/// sees one and the sum both.
 #[test]
 fn both_modes_of_a_square() {
     let lattice = Lattice::new();

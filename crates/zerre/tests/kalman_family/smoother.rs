@@ -131,8 +131,8 @@ fn a_constant_has_one_smoothed_law() {
     }
 }
 
-/// One step back through a motion that is linear neither in x nor in w, by the sums of Särkkä's algorithm written out
-/// with the textbook's weights.
+/// One step back through a motion that is linear neither in x nor in w, by the sums of Särkkä's algorithm
+/// written out with the textbook's weights.
 #[test]
 fn the_unscented_smoother_is_its_textbook() {
     let at = |secs, mean, variance| GaussianBelief {
@@ -141,7 +141,8 @@ fn the_unscented_smoother_is_its_textbook() {
     };
     let (now, after) = (at(0.0, 0.7, 0.3), at(0.5, 1.1, 0.2));
     for points in [SigmaPoints::default(), SigmaPoints::cubature()] {
-        // Two variables: c = 2 for both, and the weights of the centre are 0 for the mean, beta for the covariance.
+        // Two variables: c = 2 for both, and the weights of the centre are 0 for the mean, beta for the
+        // covariance.
         let f = |x: f64, w: f64| Wobble::apply(&0.5, [x], [w])[0];
         let (dx, dw) = (0.6f64.sqrt(), 2f64.sqrt());
         let (up, down) = (f(0.7 + dx, 0.0), f(0.7 - dx, 0.0));
@@ -160,9 +161,10 @@ fn the_unscented_smoother_is_its_textbook() {
     }
 }
 
-/// A target that turns at an unknown rate, seen in position: filtered and smoothed by `transform`, over many runs. At
-/// the middle step the normalised errors squared sum up to a chi-square number of 5 degrees of freedom per run, within
-/// its 1e-6 quantiles and 5 % for the curvature, and smoothing makes the errors smaller.
+/// A target that turns at an unknown rate, seen in position: filtered and smoothed by `transform`, over many
+/// runs. At the middle step the normalised errors squared sum up to a chi-square number of 5 degrees of
+/// freedom per run, within its 1e-6 quantiles and 5 % for the curvature, and smoothing makes the errors
+/// smaller.
 fn consistent<T: Transform, F>(
     transform: &T,
     filter: impl Fn(MarkovTurn, Position<2>, Gaussian<5>) -> Result<F>,

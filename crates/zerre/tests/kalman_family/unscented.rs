@@ -112,9 +112,10 @@ fn a_negative_variance_by_the_book() {
     assert!(Cholesky::of("P", posterior.covariance()).is_ok());
 }
 
-/// Range and bearing squared of a state of two components that moves as x + sin(y) + w: the cubature filter by its
-/// source's algorithms (Arasaratnam and Haykin 2009, section III) with 2 n points of weight 1 / 2 n and sums about
-/// the mean, written anew. A curved function tells square roots apart, so both take the same one.
+/// Range and bearing squared of a state of two components that moves as x + sin(y) + w: the cubature filter
+/// by its source's algorithms (Arasaratnam and Haykin 2009, section III) with 2 n points of weight 1 / 2 n
+/// and sums about the mean, written anew. A curved function tells square roots apart, so both take the same
+/// one.
 #[test]
 fn cubature_is_its_twin_of_2n_points() {
     struct Swing;

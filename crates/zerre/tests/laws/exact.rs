@@ -1,12 +1,12 @@
 //! Law 1: on a linear Gaussian world mean, covariance and evidence are those of the Kalman filter.
 //!
-//! A filter that is consistent in the number of particles is run with many seeds. What it estimates, averaged over
-//! them, lies within Z standard errors (of the average, from the spread over the seeds) of the exact value, with two
-//! qualifications. Means and covariances are ratios of sums, whose bias is of the order of 1 / ESS posterior standard
-//! deviations (delta method: for the mean it is -Cov(w, w (x - mu)) / N in normalised weights, of the order of
-//! E[w^2] / N = 1 / ESS); `BIAS` / ESS is allowed for it, where the ESS is the smallest of the run. The exponential of
-//! the log-evidence is unbiased: nothing is allowed there. An approximate filter states its own bias, over n, for all
-//! three.
+//! A filter that is consistent in the number of particles is run with many seeds. What it estimates, averaged
+//! over them, lies within Z standard errors (of the average, from the spread over the seeds) of the exact
+//! value, with two qualifications. Means and covariances are ratios of sums, whose bias is of the order of 1
+//! / ESS posterior standard deviations (delta method: for the mean it is -Cov(w, w (x - mu)) / N in
+//! normalised weights, of the order of E[w^2] / N = 1 / ESS); `BIAS` / ESS is allowed for it, where the ESS
+//! is the smallest of the run. The exponential of the log-evidence is unbiased: nothing is allowed there. An
+//! approximate filter states its own bias, over n, for all three.
 //!
 //! The average of 100 runs has 99 degrees of freedom: beyond Z = 6.2 lies 1.3e-8 of Student's law. There are some
 //! 60 filters with 10 steps of 15 numbers: 9 000 comparisons, so that a right implementation fails with probability

@@ -21,8 +21,8 @@ pub enum Class {
     Exact,
     /// Converges to the posterior as the number of particles grows.
     Consistent,
-    /// Converges to the posterior as the number of particles n grows, with a bias of at most `bias` / n in everything
-    /// that law 1 compares, evidence included.
+    /// Converges to the posterior as the number of particles n grows, with a bias of at most `bias` / n in
+    /// everything that law 1 compares, evidence included.
     Approximate { bias: f64 },
     /// Does what a paper says, which is not the posterior: free of laws 1, 2 and 5, and pinned by a test of its own.
     Reproduction,

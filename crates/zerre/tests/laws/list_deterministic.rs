@@ -7,14 +7,15 @@ use zerre::filter::{
 
 /// What an ensemble of n members may be off on average, times n.
 ///
-/// A sample covariance of n members is unbiased, with E[dP B dP] = (P B P + tr(P B) P) / (n - 1) (Wishart). In
-/// coordinates where the prior covariance is 1, the update by a measurement of M components acts through a matrix U of
-/// rank M with eigenvalues in [0, 1). To second order in dP the posterior covariance 1 - U is off by
-/// (1 - U)(U + tr U)(1 - U) / n, at most M / n of itself; the mean, whose whitened innovation is xi, by
-/// (1 - U)(U + tr U) U^1/2 xi / n, at most |xi| (M + 1) / 2n posterior standard deviations; exp of the log-evidence by
-/// sums of the same kind. Later updates shrink what earlier ones left. Over the eight measurements of the script, M = 2,
-/// |xi| = sqrt(pi / 2) on average, that is 8 * 2 and 8 * 1.9, and 1 for the divisor n of a cloud's covariance: 17.
-/// Products of errors of different steps are left out of this; for them it is doubled, and rounded up.
+/// A sample covariance of n members is unbiased, with E[dP B dP] = (P B P + tr(P B) P) / (n - 1) (Wishart).
+/// In coordinates where the prior covariance is 1, the update by a measurement of M components acts through
+/// a matrix U of rank M with eigenvalues in [0, 1). To second order in dP the posterior covariance 1 - U is
+/// off by (1 - U)(U + tr U)(1 - U) / n, at most M / n of itself; the mean, whose whitened innovation is xi,
+/// by (1 - U)(U + tr U) U^1/2 xi / n, at most |xi| (M + 1) / 2n posterior standard deviations; exp of the
+/// log-evidence by sums of the same kind. Later updates shrink what earlier ones left. Over the eight
+/// measurements of the script, M = 2, |xi| = sqrt(pi / 2) on average, that is 8 * 2 and 8 * 1.9, and 1 for
+/// the divisor n of a cloud's covariance: 17. Products of errors of different steps are left out of this;
+/// for them it is doubled, and rounded up.
 const ENSEMBLE_BIAS: f64 = 40.0;
 
 pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
