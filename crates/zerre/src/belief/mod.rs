@@ -2,6 +2,7 @@
 
 mod cloud;
 mod gaussian;
+mod grid;
 mod hypotheses;
 mod modal;
 mod modal_cloud;
@@ -9,6 +10,8 @@ mod modal_cloud;
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub(crate) use cloud::{SavedCloud, load_log, save_log};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use grid::GridBelief;
+pub(crate) use grid::{Lattice, Workspace};
 pub use hypotheses::{Hypotheses, Hypothesis};
 pub use modal::ModalGaussian;
 pub(crate) use modal::matched;

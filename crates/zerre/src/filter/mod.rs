@@ -2,6 +2,7 @@
 
 mod extended;
 mod gaussian;
+mod grid;
 pub(crate) mod imm;
 mod imm_particle;
 mod kalman;
@@ -14,9 +15,11 @@ mod unscented;
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_measurement};
+pub use grid::Grid;
 pub(crate) use imm::step_with as step_modes;
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;
+pub(crate) use kalman::same;
 pub use kalman::{Kalman, Linear};
 pub(crate) use multiple_model::SavedModalBelief;
 pub use multiple_model::{
