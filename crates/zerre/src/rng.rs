@@ -36,6 +36,8 @@ pub enum Purpose {
     Other = 5,
     /// Modes of a Markov chain.
     Mode = 7,
+    /// Paths drawn backwards by smoothers.
+    Path = 10,
     /// Deriving keys.
     Fork = 255,
 }

@@ -25,9 +25,7 @@ pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };
 pub(crate) use score::score;
-#[cfg(test)]
-pub(crate) use transition::transition_row;
-pub(crate) use transition::{centres, predict_density};
+pub(crate) use transition::{centres, predict_density, transition_row};
 pub(crate) use weigh::{BlockSums, Total, weigh};
 
 /// Particles per block: small enough that states, noise and weights of a block stay in the first-level cache.

@@ -43,13 +43,13 @@ pub(crate) fn centres<A: Motion<N, W>, const N: usize, const W: usize>(
     dispatch!(level, simd => run(simd, density, states, out), naive => naive(density, states, out));
 }
 
-/// `out[i] <- ln p(to | x_i)` for the states whose `centres` these are.
-#[cfg_attr(not(test), allow(dead_code, reason = "backward simulation comes next"))]
+/// `out[i] <- weights[i] p(to | x_i) e^-offset` for the states whose `centres` these are.
 pub(crate) fn transition_row<A: Motion<N, W>, const N: usize, const W: usize>(
     level: Simd,
     density: &TransitionDensity<A, N, W>,
     to: [f64; N],
-    centres: &[&[f64]; N],
+    (centres, weights): (&[&[f64]; N], &[f64]),
+    offset: f64,
     out: &mut [f64],
 ) {
     #[inline(always)]
@@ -57,30 +57,46 @@ pub(crate) fn transition_row<A: Motion<N, W>, const N: usize, const W: usize>(
         simd: S,
         density: &TransitionDensity<A, N, W>,
         to: [f64; N],
-        centres: &[&[f64]; N],
+        (centres, weights): (&[&[f64]; N], &[f64]),
+        offset: f64,
         out: &mut [f64],
     ) {
         let to = to.map(|x| Lanes::splat(simd, x));
-        for first in (0..out.len()).step_by(LANES) {
-            let range = first..out.len().min(first + LANES);
-            let mut r = to;
+        let whole = out.len() / LANES * LANES;
+        let centres = *centres;
+        assert!(weights.len() == out.len() && centres.iter().all(|c| c.len() == out.len()));
+        let mut r = to;
+        for i in (0..whole).step_by(LANES) {
             for k in 0..N {
-                r[k] = r[k] - load_part(simd, &centres[k][range.clone()]);
+                r[k] = to[k] - Lanes::load(simd, &centres[k][i..i + LANES]);
             }
-            store_part(density.log_residual(r), &mut out[range]);
+            let density = (density.log_residual(r) - offset).exp();
+            (density * Lanes::load(simd, &weights[i..i + LANES])).store(&mut out[i..i + LANES]);
+        }
+        if whole < out.len() {
+            for k in 0..N {
+                r[k] = to[k] - load_part(simd, &centres[k][whole..]);
+            }
+            let density = (density.log_residual(r) - offset).exp();
+            store_part(density * load_part(simd, &weights[whole..]), &mut out[whole..]);
         }
     }
     fn naive<A: Motion<N, W>, const N: usize, const W: usize>(
         density: &TransitionDensity<A, N, W>,
         to: [f64; N],
-        centres: &[&[f64]; N],
+        (centres, weights): (&[&[f64]; N], &[f64]),
+        offset: f64,
         out: &mut [f64],
     ) {
         for (i, out) in out.iter_mut().enumerate() {
-            *out = density.log_residual(std::array::from_fn(|k| to[k] - centres[k][i]));
+            let log = density.log_residual(std::array::from_fn(|k| to[k] - centres[k][i]));
+            *out = Real::exp(log - offset) * weights[i];
         }
     }
-    dispatch!(level, simd => run(simd, density, to, centres, out), naive => naive(density, to, centres, out));
+    let sources = (centres, weights);
+    dispatch!(level,
+        simd => run(simd, density, to, sources, offset, out),
+        naive => naive(density, to, sources, offset, out));
 }
 
 /// `out[j] <- sum over i of weights[i] p(targets[..][j] | x_i)`, in the order of i.

@@ -86,7 +86,10 @@ impl<A: Motion<N, W>, const N: usize, const W: usize> TransitionDensity<A, N, W>
         for row in &self.recover.0 {
             let mut w = residual[0] * row[0];
             for (&r, &c) in residual.iter().zip(row).skip(1) {
-                w = r.mul_add(r.constant(c), w);
+                // Axes that do not mix leave half of the matrix zero and more.
+                if c != 0.0 {
+                    w = r.mul_add(r.constant(c), w);
+                }
             }
             match self.noise {
                 Noise::StandardNormal => sum = (w * -0.5).mul_add(w, sum),
@@ -235,11 +238,12 @@ mod tests {
                 kernels::centres(level, &density, &states, &mut centres.each_mut().map(Vec::as_mut_slice));
                 let centres = centres.each_ref().map(Vec::as_slice);
                 let (mut row, mut sums) = ([0.0; 21], [0.0; 21]);
-                kernels::transition_row(level, &density, to, &centres, &mut row);
+                kernels::transition_row(level, &density, to, (&centres, &weights), -0.5, &mut row);
                 kernels::predict_density(level, &density, &states, (&centres, &weights), &mut sums);
                 for i in 0..21 {
                     let from = from_fn(|k| states[k][i]);
-                    assert_eq!(row[i].to_bits(), density.log_density(from, to).to_bits());
+                    let weighted = Real::exp(density.log_density(from, to) + 0.5) * weights[i];
+                    assert_eq!(row[i].to_bits(), weighted.to_bits());
                     let sum = (0..21).fold(0.0, |sum, j| {
                         let log = density.log_density(from_fn(|k| states[k][j]), from);
                         Real::mul_add(Real::exp(log), weights[j], sum)
