@@ -63,6 +63,21 @@ pub const MOTIONS: &[Entry] = &[
     ),
 ];
 
+/// The motions of [`model::motion`](crate::model::motion) that [`track`](crate::track) does not make by name: of one
+/// component, or of a benchmark.
+pub const SERIES: &[Entry] = &[
+    entry(
+        "autoregressive",
+        "a level that returns to its mean, per step",
+        "Box, Jenkins and Reinsel 1994, chapter 3",
+    ),
+    entry(
+        "discrete-velocity",
+        "white acceleration that is constant over a step",
+        "Bar-Shalom, Li and Kirubarajan 2001, 6.3.2",
+    ),
+];
+
 /// The measurement models of [`model::measurement`](crate::model::measurement).
 pub const MEASUREMENTS: &[Entry] = &[
     entry("position", "position with independent noise", "Bar-Shalom, Li and Kirubarajan 2001, chapter 6"),
@@ -82,6 +97,8 @@ pub const MEASUREMENTS: &[Entry] = &[
     entry("linear", "any matrix with any covariance", "Kalman 1960"),
     entry("growth", "square of the state", "Gordon, Salmond and Smith 1993"),
     entry("upf-growth", "square first, straight later", "van der Merwe, Doucet, de Freitas and Wan 2000"),
+    entry("stochastic-volatility", "a return whose log-variance is the state", "Taylor 1986"),
+    entry("binomial-logit", "successes, the state being their log-odds", "Temereanca, Brown and Simons 2008"),
 ];
 
 /// The filters of [`filter`](crate::filter), as [`track`](crate::track) makes them by name.
@@ -164,7 +181,7 @@ mod tests {
 
     #[test]
     fn names_are_kebab_case_and_unique() {
-        for list in [MOTIONS, MEASUREMENTS, FILTERS, RESAMPLERS] {
+        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, RESAMPLERS] {
             for (i, entry) in list.iter().enumerate() {
                 assert!(entry.name.split('-').all(|word| !word.is_empty()), "{entry:?}");
                 assert!(entry.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{entry:?}");

@@ -40,6 +40,8 @@ pub enum Purpose {
     Parameter = 11,
     /// Perturbations of the measurements of an ensemble.
     Ensemble = 12,
+    /// Paths drawn backwards by smoothers.
+    Path = 10,
     /// Deriving keys.
     Fork = 255,
 }

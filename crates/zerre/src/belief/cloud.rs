@@ -225,7 +225,7 @@ pub(super) fn robust_mean_of<const N: usize>(
 }
 
 /// Refuses levels of quantiles outside [0, 1].
-pub(super) fn level_checked(levels: &[f64]) -> Result<()> {
+pub(crate) fn level_checked(levels: &[f64]) -> Result<()> {
     match levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
         None => Ok(()),
         Some(&value) => {
@@ -235,7 +235,7 @@ pub(super) fn level_checked(levels: &[f64]) -> Result<()> {
 }
 
 /// Quantiles of (value, weight); NaN without any weight.
-pub(super) fn quantiles_of<const Q: usize>(
+pub(crate) fn quantiles_of<const Q: usize>(
     weighted: impl Iterator<Item = (f64, f64)>,
     levels: [f64; Q],
 ) -> [f64; Q] {

@@ -2,13 +2,16 @@
 
 mod cloud;
 mod gaussian;
+mod grid;
 mod hypotheses;
 mod modal;
 mod modal_cloud;
 
 pub use cloud::{Cloud, MAX_PARTICLES};
-pub(crate) use cloud::{SavedCloud, load_log, save_log};
+pub(crate) use cloud::{SavedCloud, level_checked, load_log, quantiles_of, save_log};
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
+pub use grid::GridBelief;
+pub(crate) use grid::{Lattice, Workspace};
 pub use hypotheses::{Hypotheses, Hypothesis};
 pub use modal::ModalGaussian;
 pub(crate) use modal::matched;

@@ -13,6 +13,7 @@ mod pool;
 mod propagate;
 mod resample;
 mod score;
+mod transition;
 mod weigh;
 
 pub use level::Simd;
@@ -26,6 +27,7 @@ pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };
 pub(crate) use score::score;
+pub(crate) use transition::{centres, predict_density, transition_row};
 pub(crate) use weigh::{BlockSums, Total, weigh};
 
 /// Particles per block: small enough that states, noise and weights of a block stay in the first-level cache.

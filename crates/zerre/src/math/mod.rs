@@ -5,7 +5,7 @@ mod angle;
 pub mod chi_square;
 mod dual;
 mod elementary;
-mod gamma;
+pub(crate) mod gamma;
 pub mod gaussian;
 mod lanes;
 mod matrix;

@@ -8,6 +8,7 @@ mod matrices;
 mod other_motions;
 mod refusals;
 mod sensors;
+mod series;
 mod simulation;
 
 use zerre::{Span, Time};

@@ -6,6 +6,7 @@
 //! which is below 1e-9 for standard deviations under half a radian.
 
 mod bearing_only;
+mod binomial_logit;
 mod growth;
 mod linear;
 mod position;
@@ -14,9 +15,11 @@ mod range_bearing_elevation;
 mod range_only;
 mod range_rate;
 mod robust;
+mod stochastic_volatility;
 mod upf_growth;
 
 pub use bearing_only::{BearingOnly, BearingOnlyGiven};
+pub use binomial_logit::{BinomialLogit, BinomialLogitGiven};
 pub use growth::{Growth, GrowthGiven};
 pub use linear::{Linear, LinearGiven};
 pub use position::{Position, PositionGiven};
@@ -25,6 +28,7 @@ pub use range_bearing_elevation::{RangeBearingElevation, RangeBearingElevationGi
 pub use range_only::{RangeOnly, RangeOnlyGiven};
 pub use range_rate::{RangeRate, RangeRateGiven};
 pub use robust::{HeavyTailed, HeavyTailedGiven, UniformOutliers, UniformOutliersGiven};
+pub use stochastic_volatility::{StochasticVolatility, StochasticVolatilityGiven};
 pub use upf_growth::{UpfGrowth, UpfGrowthGiven};
 
 use crate::error::{Error, Result};

@@ -5,9 +5,11 @@
 //! Navigation*, Wiley 2001 ("Bar-Shalom"); Li and Jilkov, *Survey of maneuvering target tracking, part I: dynamic
 //! models*, IEEE Transactions on Aerospace and Electronic Systems 39(4), 2003 ("Li and Jilkov").
 
+mod autoregressive;
 mod constant_acceleration;
 mod constant_velocity;
 mod coordinated_turn;
+mod discrete_velocity;
 mod flight;
 mod growth;
 mod manoeuvre;
@@ -22,9 +24,11 @@ mod upf_growth;
 mod wiener_acceleration;
 mod wiener_turn;
 
+pub use autoregressive::Autoregressive;
 pub use constant_acceleration::ConstantAcceleration;
 pub use constant_velocity::{ConstantVelocity, ConstantVelocityStep};
 pub use coordinated_turn::{CoordinatedTurn, CoordinatedTurnStep};
+pub use discrete_velocity::{DiscreteVelocity, DiscreteVelocityStep};
 pub use flight::{Flight, FlightStep};
 pub use growth::{Growth, GrowthStep};
 pub use manoeuvre::{Manoeuvre, ManoeuvreStep};
