@@ -10,6 +10,7 @@ pub mod filter;
 pub mod kernels;
 pub mod math;
 pub mod model;
+pub mod proposal;
 pub mod resample;
 pub mod rng;
 pub mod smooth;

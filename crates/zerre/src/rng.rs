@@ -36,6 +36,8 @@ pub enum Purpose {
     Other = 5,
     /// Modes of a Markov chain.
     Mode = 7,
+    /// Process noise from a proposal that is not its own law.
+    Propose = 8,
     /// Deriving keys.
     Fork = 255,
 }

@@ -119,6 +119,6 @@ fn off<const N: usize>(state: &Gaussian<N>) -> [f64; N] {
 }
 
 /// Entries equal to 1e-12; NaN equals nothing.
-fn same<const R: usize, const C: usize>(a: &Matrix<R, C>, b: &Matrix<R, C>) -> bool {
+pub(crate) fn same<const R: usize, const C: usize>(a: &Matrix<R, C>, b: &Matrix<R, C>) -> bool {
     a.0.iter().flatten().zip(b.0.iter().flatten()).all(|(a, b)| (a - b).abs() <= 1e-12 * a.abs().max(b.abs()))
 }

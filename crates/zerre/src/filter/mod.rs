@@ -8,6 +8,7 @@ mod kalman;
 mod multiple_model;
 mod particle;
 pub(crate) mod rao_blackwell;
+mod rejuvenation;
 mod selection;
 mod unscented;
 
@@ -17,13 +18,16 @@ pub use gaussian::{GaussianFilter, PredictedMeasurement, Transform, predict_meas
 pub(crate) use imm::step_with as step_modes;
 pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;
+pub(crate) use kalman::same;
 pub use kalman::{Kalman, Linear};
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
 };
 pub use particle::{ParticleFilter, Prior, Settings};
 pub use rao_blackwell::RaoBlackwell;
+pub use rejuvenation::{Kernel, Rejuvenation};
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
+pub(crate) use unscented::Spread;
 pub use unscented::{SigmaPoints, Unscented};
 
 use crate::error::Result;
@@ -75,6 +79,10 @@ pub struct ParticleUpdate {
     pub distinct_ancestors: usize,
     /// Particles whose likelihood was NaN or +inf, or whose state ceased to be finite: they got weight zero.
     pub not_finite: usize,
+    /// How often the step evaluated the measurement of a particle: once per weight, and as often as a proposal asked
+    /// for it. A tangent by `W` components of noise counts as `W` + 1.
+    #[serde(default)]
+    pub evaluations: usize,
 }
 
 /// What became of a measurement.

@@ -10,6 +10,7 @@ mod noise;
 mod philox;
 mod pool;
 mod propagate;
+mod propose;
 mod resample;
 mod score;
 mod weigh;
@@ -18,8 +19,9 @@ pub use level::Simd;
 pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
-pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
+pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
+pub(crate) use propose::{Propose, propose};
 pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };

@@ -9,8 +9,8 @@ use crate::belief::{Cloud, Gaussian, GaussianBelief, ModalGaussian};
 use crate::catalog::FILTERS;
 use crate::error::{Error, Result};
 use crate::filter::{
-    Extended, Filter, Kalman, Linear, Outcome, ParticleFilter, Prior, Settings, SigmaPoints, Tangent,
-    Transform, Unscented, Update, predict_measurement, step_modes,
+    Extended, Filter, Kalman, Linear, Outcome, ParticleFilter, Prior, Rejuvenation, Settings, SigmaPoints,
+    Tangent, Transform, Unscented, Update, predict_measurement, step_modes,
 };
 use crate::kernels::{NoiseSource, Simd, Threads};
 use crate::math::gaussian::LN_2PI;
@@ -35,7 +35,7 @@ pub struct FilterSpec {
     pub resampling: Resampling,
     /// When to resample; `sis` never does.
     pub trigger: Trigger,
-    /// See [`Settings::roughening`].
+    /// See [`Rejuvenation::Roughen`].
     pub roughening: f64,
     /// How process noise is made.
     pub noise: NoiseSource,
@@ -416,7 +416,8 @@ where
                 particles: filter.particles,
                 resampling: filter.resampling,
                 trigger: if filter.name == "sis" { Trigger::Never } else { filter.trigger },
-                roughening: filter.roughening,
+                rejuvenation: Rejuvenation::Roughen(filter.roughening),
+                lookahead: None,
                 noise: filter.noise,
                 simd: engine.simd,
                 threads: engine.threads,

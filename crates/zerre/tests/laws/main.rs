@@ -7,6 +7,7 @@ mod exact;
 mod lanes_and_threads;
 mod limits;
 mod list;
+mod list_guided;
 mod list_modes_gaussian;
 mod no_allocation;
 mod parity;
