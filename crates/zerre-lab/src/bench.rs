@@ -3,6 +3,8 @@
 //! | workload | what |
 //! |---|---|
 //! | W1 | radar: constant velocity, range and bearing, 4 states, 4 normals, 100 steps, ESS trigger at one half |
+//! | W1-ekf-guided, W1-ukf-guided | W1 with particles that look at the measurement before they move |
+//! | W1-position, W1-optimal | the positions of W1's targets, measured: blind, and by the locally optimal proposal |
 //! | W1-user-model | the same with models written by hand through `Real`, as a user would |
 //! | W2 | univariate growth, 1 state, 100 steps |
 //! | W3-... | one resampling of N weights exp(-2 a^2), a standard normal, to N indices |
@@ -18,10 +20,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 use zerre::belief::Gaussian;
-use zerre::filter::{Filter, ModalSettings, MultipleModel, ParticleFilter, Settings};
+use zerre::filter::{
+    Filter, Kalman, Linear, ModalSettings, MultipleModel, ParticleFilter, Settings, SigmaPoints, Tangent,
+};
 use zerre::kernels::{Generator, NoiseSource, Resolution, Simd, Threads};
 use zerre::math::Real;
 use zerre::model::{Chain, JumpMarkov, Likelihood, Measurement, Motion, measurement, motion, simulate};
+use zerre::proposal::{Bootstrap, Guided, Proposal};
 use zerre::resample::{Resampler, Resampling};
 use zerre::rng::{Purpose, Stream};
 use zerre::{Result, Time};
@@ -106,12 +111,22 @@ pub fn run(options: &Options, mut progress: impl FnMut(&Row) -> bool) -> Result<
     let mut jobs: Vec<Box<dyn Fn() -> Result<Row> + '_>> = Vec::new();
     for n in [1_000, 10_000, 100_000, 1_000_000] {
         for source in sources {
-            jobs.push(Box::new(move || radar("W1", built_in()?, n, source, options)));
+            jobs.push(Box::new(move || radar("W1", built_in()?, Bootstrap, n, source, options)));
         }
     }
     jobs.push(Box::new(move || {
-        radar("W1-user-model", (UserMotion::new(), UserSensor), 10_000, philox, options)
+        radar("W1-user-model", (UserMotion::new(), UserSensor), Bootstrap, 10_000, philox, options)
     }));
+    jobs.push(Box::new(move || {
+        let proposal = Guided::<_, 2>::new(Tangent);
+        radar("W1-ekf-guided", built_in()?, proposal, 10_000, philox, options)
+    }));
+    jobs.push(Box::new(move || {
+        let proposal = Guided::<_, 2>::new(SigmaPoints::default());
+        radar("W1-ukf-guided", built_in()?, proposal, 10_000, philox, options)
+    }));
+    jobs.push(Box::new(move || positions("W1-position", Bootstrap, 10_000, options)));
+    jobs.push(Box::new(move || positions("W1-optimal", Guided::<_, 2>::new(Linear), 10_000, options)));
     for n in [10_000, 1_000_000] {
         jobs.push(Box::new(move || growth(n, philox, options)));
     }
@@ -216,9 +231,10 @@ impl Measurement<4> for UserSensor {
     }
 }
 
-fn radar<M, H>(
+fn radar<M, H, Q>(
     workload: &'static str,
     (motion, sensor): (M, H),
+    proposal: Q,
     n: usize,
     source: NoiseSource,
     options: &Options,
@@ -226,12 +242,36 @@ fn radar<M, H>(
 where
     M: Motion<4, 4>,
     H: Likelihood<4, Value = [f64; 2]>,
+    Q: Proposal<4, 4, M, H>,
 {
     let data = table(W1_DATA);
     let measured = data.iter().map(|row| [row[4], row[5]]).collect();
-    let filter = ParticleFilter::new(radar_prior()?, motion, sensor, settings(n, source, options))?;
+    let settings = settings(n, source, options);
+    let filter = ParticleFilter::guided(radar_prior()?, motion, sensor, proposal, settings)?;
     let truth = data.iter().map(|row| [row[0], row[1]]).collect();
     let reference = table(W1_REFERENCE).iter().map(|row| [row[0], row[1]]).collect();
+    sequence(workload, &filter, &Known { measured, truth, reference }, options)
+}
+
+/// W1 with measured positions, to 0.2 m; what they leave is known exactly.
+fn positions<Q>(workload: &'static str, proposal: Q, n: usize, options: &Options) -> Result<Row>
+where
+    Q: Proposal<4, 4, motion::ConstantVelocity<2>, measurement::Position<2>>,
+{
+    let truth: Vec<[f64; 2]> = table(W1_DATA).iter().map(|row| [row[0], row[1]]).collect();
+    let (motion, sensor) = (built_in()?.0, measurement::Position::new(0.2)?);
+    let mut draws = Stream::new(2).draws(Purpose::Measurement, 0, 0);
+    let measured: Vec<[f64; 2]> = truth.iter().map(|x| x.map(|x| x + 0.2 * draws.normal())).collect();
+    let kalman = Kalman::new(motion, sensor, radar_prior()?)?;
+    let mut belief = kalman.start(Time::ZERO, Stream::new(1))?;
+    let mut reference = Vec::with_capacity(STEPS);
+    for (k, z) in measured.iter().enumerate() {
+        kalman.step(&mut belief, Time::from_nanos(k as i64 * 1_000_000_000), Some(z))?;
+        let mean = belief.state.mean();
+        reference.push([mean[0], mean[1]]);
+    }
+    let settings = settings(n, NoiseSource::default(), options);
+    let filter = ParticleFilter::guided(radar_prior()?, motion, sensor, proposal, settings)?;
     sequence(workload, &filter, &Known { measured, truth, reference }, options)
 }
 
@@ -364,15 +404,16 @@ struct Known<const D: usize, const Z: usize> {
 }
 
 /// Runs a filter over one recording again and again, with a new seed each time.
-fn sequence<const N: usize, const W: usize, const D: usize, const Z: usize, M, H>(
+fn sequence<const N: usize, const W: usize, const D: usize, const Z: usize, M, H, Q>(
     workload: &'static str,
-    filter: &ParticleFilter<N, W, M, H>,
+    filter: &ParticleFilter<N, W, M, H, Gaussian<N>, Q>,
     known: &Known<D, Z>,
     options: &Options,
 ) -> Result<Row>
 where
     M: Motion<N, W>,
     H: Likelihood<N, Value = [f64; Z]>,
+    Q: Proposal<N, W, M, H>,
 {
     let Settings { particles: n, noise: source, .. } = *filter.settings();
     let (mut errors, mut distances) = (Vec::new(), Vec::new());
@@ -576,15 +617,23 @@ mod tests {
     fn every_workload_runs_and_is_right() {
         let options = Options { simd: Simd::best(), threads: 1, budget: Duration::ZERO };
         let source = NoiseSource::default();
-        let built_in = radar("W1", built_in().unwrap(), 1000, source, &options).unwrap();
+        let blind = radar("W1", built_in().unwrap(), Bootstrap, 1000, source, &options).unwrap();
         let by_hand =
-            radar("W1-user-model", (UserMotion::new(), UserSensor), 1000, source, &options).unwrap();
+            radar("W1-user-model", (UserMotion::new(), UserSensor), Bootstrap, 1000, source, &options)
+                .unwrap();
         // The same mathematics on the same random numbers: only rounding differs, until it decides a resampling.
-        for row in [&built_in, &by_hand] {
+        for row in [&blind, &by_hand] {
             // Peers at this N: rmse 0.31 +- 0.01 (sd over seeds 0.007), distance 0.055..0.078.
             assert!((row.rmse.unwrap() - 0.312).abs() < 0.02, "{row:?}");
             assert!(row.reference_distance.unwrap() < 0.1, "{row:?}");
         }
+        // As near to the posterior with the same number of particles, or nearer, but for a tenth of it.
+        let tangent = Guided::<_, 2>::new(Tangent);
+        let guided = radar("W1-ekf-guided", built_in().unwrap(), tangent, 1000, source, &options).unwrap();
+        assert!(guided.reference_distance.unwrap() < 1.1 * blind.reference_distance.unwrap(), "{guided:?}");
+        let blind = positions("W1-position", Bootstrap, 1000, &options).unwrap();
+        let optimal = positions("W1-optimal", Guided::<_, 2>::new(Linear), 1000, &options).unwrap();
+        assert!(optimal.reference_distance.unwrap() < blind.reference_distance.unwrap(), "{optimal:?}");
         assert!(peers().len() > 5);
     }
 }

@@ -162,6 +162,41 @@ pub const FILTERS: &[Entry] = &[
     ),
 ];
 
+/// Particle filters of the library that [`track`](crate::track) does not make: what they propose
+/// ([`proposal`](crate::proposal)), and what [`Settings`](crate::filter::Settings) ask for.
+pub const ESTIMATORS: &[Entry] = &[
+    classed(
+        Class::Consistent,
+        "ekf-guided",
+        "particles move by the tangent of the measurement",
+        "Doucet, Godsill and Andrieu 2000",
+    ),
+    classed(
+        Class::Consistent,
+        "ukf-guided",
+        "particles move by sigma points, iterated: the unscented particle filter",
+        "van der Merwe, Doucet, de Freitas and Wan 2000",
+    ),
+    classed(
+        Class::Consistent,
+        "optimal",
+        "particles move by their exact posterior, refuses all but linear normal noise",
+        "Doucet, Godsill and Andrieu 2000",
+    ),
+    classed(
+        Class::Consistent,
+        "auxiliary",
+        "particles are resampled by what the measurement will say, then moved",
+        "Pitt and Shephard 1999",
+    ),
+    classed(
+        Class::Consistent,
+        "regularised",
+        "survivors are drawn from a kernel density",
+        "Musso, Oudjane and Le Gland 2001",
+    ),
+];
+
 /// The resamplers of [`Resampling`](crate::resample::Resampling); each gives particle i on average n w_i copies.
 pub const RESAMPLERS: &[Entry] = &[
     classed(Class::Consistent, "multinomial", "independent draws", "Gordon, Salmond and Smith 1993"),
@@ -181,7 +216,7 @@ mod tests {
 
     #[test]
     fn names_are_kebab_case_and_unique() {
-        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, RESAMPLERS] {
+        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, ESTIMATORS, RESAMPLERS] {
             for (i, entry) in list.iter().enumerate() {
                 assert!(entry.name.split('-').all(|word| !word.is_empty()), "{entry:?}");
                 assert!(entry.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{entry:?}");

@@ -11,6 +11,7 @@ pub mod kernels;
 pub mod math;
 pub mod model;
 pub mod parameter;
+pub mod proposal;
 pub mod resample;
 pub mod rng;
 pub mod smooth;

@@ -42,6 +42,8 @@ pub enum Purpose {
     Ensemble = 12,
     /// Paths drawn backwards by smoothers.
     Path = 10,
+    /// Process noise from a proposal that is not its own law.
+    Propose = 8,
     /// Deriving keys.
     Fork = 255,
 }

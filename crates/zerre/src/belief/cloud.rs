@@ -35,6 +35,8 @@ pub struct Cloud<const N: usize> {
     /// The other half of two buffers, and the memory that steps use again and again.
     pub(crate) spare: [Vec<f64>; N],
     pub(crate) scores: Vec<f64>,
+    /// What a step needs that may have to be taken back; empty until there is one.
+    pub(crate) kept: Vec<f64>,
     pub(crate) scratch: Scratch,
 }
 
@@ -76,6 +78,7 @@ impl<const N: usize> Cloud<N> {
             pending: false,
             spare: std::array::from_fn(|_| vec![0.0; n]),
             scores: vec![0.0; n],
+            kept: Vec::new(),
             scratch: Scratch::default(),
             states,
         })

@@ -5,7 +5,7 @@ use super::cloud::{
 };
 use crate::belief::{Gaussian, MAX_PARTICLES, ModalGaussian, matched};
 use crate::error::{Error, Result};
-use crate::kernels::{self, BLOCK, BlockSums, Simd, Survivors, Threads, Total};
+use crate::kernels::{self, BLOCK, BlockSums, Simd, Source, Survivors, Threads, Total};
 use crate::math::Matrix;
 use crate::model::jump::MAX_MODES;
 use crate::resample::Scratch;
@@ -199,7 +199,8 @@ impl<const N: usize> ModalCloud<N> {
         let mut nothing = vec![(); n.div_ceil(BLOCK)];
         threads.for_each_block(to, [], &mut nothing, |b, mut to: [&mut [f64]; N], [], ()| {
             let first = b * BLOCK;
-            kernels::gather(from.block(simd, first, first + to.first().map_or(0, |c| c.len())), &mut to);
+            let block = from.block(simd, first, first + to.first().map_or(0, |c| c.len()));
+            kernels::gather(Source::Survivors(block), &mut to);
         });
     }
 

@@ -309,8 +309,13 @@ where
             scores.fill(0.0);
             *sums = kernels::weigh(self.settings.simd, None, scores, &states, weights);
         }
-        let particles =
-            ParticleUpdate { ess: n as f64, resampled: false, distinct_ancestors: n, not_finite: 0 };
+        let particles = ParticleUpdate {
+            ess: n as f64,
+            resampled: false,
+            distinct_ancestors: n,
+            not_finite: 0,
+            evaluations: if z.is_some() { n } else { 0 },
+        };
         Ok(Update { outcome, log_evidence, particles: Some(particles) })
     }
 }

@@ -242,6 +242,7 @@ where
             resampled: false,
             distinct_ancestors: cloud.len(),
             not_finite,
+            evaluations: cloud.len(),
         };
         if degenerate {
             let (outcome, log_evidence) = (Outcome::Degenerate, f64::NEG_INFINITY);
@@ -339,7 +340,13 @@ where
             // The weights summed to 1 before the measurement.
             Some(_) => (Outcome::Updated, total.log_sum()),
         };
-        let particles = ParticleUpdate { ess: total.ess(), resampled: true, distinct_ancestors, not_finite };
+        let particles = ParticleUpdate {
+            ess: total.ess(),
+            resampled: true,
+            distinct_ancestors,
+            not_finite,
+            evaluations: if digest.is_some() { cloud.len() } else { 0 },
+        };
         Ok(Update { outcome, log_evidence, particles: Some(particles) })
     }
 }
@@ -347,6 +354,7 @@ where
 /// What there is to say of a step that leaves the particles as they are.
 fn unmoved<const N: usize>(cloud: &ModalCloud<N>, outcome: Outcome, log_evidence: f64) -> Update {
     let (ess, distinct_ancestors) = (cloud.ess(), cloud.len());
-    let particles = ParticleUpdate { ess, resampled: false, distinct_ancestors, not_finite: 0 };
+    let particles =
+        ParticleUpdate { ess, resampled: false, distinct_ancestors, not_finite: 0, evaluations: 0 };
     Update { outcome, log_evidence, particles: Some(particles) }
 }

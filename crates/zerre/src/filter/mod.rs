@@ -11,6 +11,7 @@ mod kalman;
 mod multiple_model;
 mod particle;
 pub(crate) mod rao_blackwell;
+mod rejuvenation;
 mod selection;
 mod unscented;
 
@@ -32,7 +33,9 @@ pub use multiple_model::{
 pub use particle::{ParticleFilter, Prior, Settings};
 pub use rao_blackwell::RaoBlackwell;
 pub(crate) use rao_blackwell::{check_hypotheses, step_with as step_hypotheses};
+pub use rejuvenation::{Kernel, Rejuvenation};
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
+pub(crate) use unscented::Spread;
 pub use unscented::{SigmaPoints, Unscented};
 
 use crate::error::Result;
@@ -84,6 +87,10 @@ pub struct ParticleUpdate {
     pub distinct_ancestors: usize,
     /// Particles whose likelihood was NaN or +inf, or whose state ceased to be finite: they got weight zero.
     pub not_finite: usize,
+    /// How often the step evaluated the measurement of a particle: once per weight, and as often as a proposal asked
+    /// for it. A tangent by `W` components of noise counts as `W` + 1.
+    #[serde(default)]
+    pub evaluations: usize,
 }
 
 /// What became of a measurement.

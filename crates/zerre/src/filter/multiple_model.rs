@@ -785,16 +785,23 @@ where
         belief.cloud.time = to;
         let mut plan = Plan { steps: (to > from).then_some(&steps), jump: jump.as_ref(), choice };
         let mut weighed = self.weigh(belief, &plan, digest.as_ref());
+        let mut evaluations = belief.cloud.len();
         if weighed.degenerate && choice != Choice::All {
             // The selected mode explains nothing: the others may.
             choice = Choice::All;
             plan.choice = choice;
             weighed = self.weigh(belief, &plan, digest.as_ref());
+            evaluations += belief.cloud.len();
         }
         let Weighed { total, not_finite, degenerate } = weighed;
         let candidates = belief.cloud.len();
-        let mut particles =
-            ParticleUpdate { ess: total.ess(), resampled: false, distinct_ancestors: n, not_finite };
+        let mut particles = ParticleUpdate {
+            ess: total.ess(),
+            resampled: false,
+            distinct_ancestors: n,
+            not_finite,
+            evaluations: if digest.is_some() { evaluations } else { 0 },
+        };
         let (outcome, log_evidence) = match digest {
             _ if degenerate => (Outcome::Degenerate, f64::NEG_INFINITY),
             None => (Outcome::Predicted, 0.0),
@@ -827,6 +834,7 @@ where
                     || self.after == AfterResampling::Recomputed && self.output == Output::Survivors)
             {
                 let again = self.weigh_again(belief, digest);
+                particles.evaluations += n;
                 if self.output == Output::Survivors {
                     belief.estimate = again.sum_states.map(|s| s / again.sum);
                 }

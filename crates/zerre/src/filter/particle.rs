@@ -1,17 +1,21 @@
 //! The particle filter: sequential importance sampling with resampling (Gordon, Salmond and Smith, IEE Proceedings F
-//! 140, 1993), with the transition as proposal.
+//! 140, 1993), with any [`proposal`](crate::proposal).
 
 use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
 use crate::error::{Error, Result};
+use crate::filter::rejuvenation::{Rejuvenation, gather};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
 use crate::kernels::{
-    self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Resolution, Simd, Source, Survivors, Threads, Total,
+    self, BLOCK, BlockSums, NoiseBlock, NoiseKey, NoiseSource, Resolution, Simd, Source, Survivors, Threads,
+    Total,
 };
 use crate::math::{Cholesky, Real};
 use crate::model::{Likelihood, Motion, Noise};
+use crate::proposal::{Bootstrap, Models, Proposal};
 use crate::resample::{BlockWeights, Context, Resampling, Trigger};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Where the first particles come from.
 pub trait Prior<const N: usize>: Send + Sync {
@@ -56,10 +60,15 @@ pub struct Settings {
     pub resampling: Resampling,
     /// When to resample.
     pub trigger: Trigger,
-    /// Roughening (Gordon, Salmond and Smith, section 3.2): after resampling, component k gets normal jitter of
-    /// standard deviation `roughening` E_k n^(-1/N), E_k being the spread between the largest and the smallest
-    /// particle. 0 (the default) for none; 0.2 is the authors' value. It widens the posterior.
-    pub roughening: f64,
+    /// What is done to survivors before they move on.
+    pub rejuvenation: Rejuvenation,
+    /// The auxiliary particle filter (Pitt and Shephard 1999; Whiteley and Johansen 2008): resampling comes first in a
+    /// step, by weights times the power of this exponent of what the measurement is expected to say of a particle, and
+    /// is divided out of the weights after the move. 1 is the original, less is more careful, `None` (the default)
+    /// resamples after the measurement as `trigger` says. What is expected is p(z | f(x, E w)), or what a guided
+    /// proposal fits to p(z | x): the locally optimal one leaves all weights equal (full adaptation). A step over no
+    /// time resamples nothing, and survivors are not rejuvenated.
+    pub lookahead: Option<f64>,
     /// How process noise is made.
     pub noise: NoiseSource,
     /// Instructions to use; results do not depend on it.
@@ -74,7 +83,8 @@ impl Default for Settings {
             particles: 1000,
             resampling: Resampling::default(),
             trigger: Trigger::default(),
-            roughening: 0.0,
+            rejuvenation: Rejuvenation::Nothing,
+            lookahead: None,
             noise: NoiseSource::default(),
             simd: Simd::best(),
             threads: Threads::Serial,
@@ -82,12 +92,13 @@ impl Default for Settings {
     }
 }
 
-/// A particle filter for a motion model `M`, a sensor `H` and a prior `P`.
+/// A particle filter for a motion model `M`, a sensor `H`, a prior `P` and a proposal `Q`.
 #[derive(Clone, Debug)]
-pub struct ParticleFilter<const N: usize, const W: usize, M, H, P = Gaussian<N>> {
+pub struct ParticleFilter<const N: usize, const W: usize, M, H, P = Gaussian<N>, Q = Bootstrap> {
     prior: P,
     motion: M,
     sensor: H,
+    proposal: Q,
     settings: Settings,
 }
 
@@ -97,11 +108,69 @@ where
     H: Likelihood<N>,
     P: Prior<N>,
 {
-    /// A filter from its models.
+    /// A filter from its models, with the transition as proposal.
     ///
     /// # Errors
-    /// No or too many particles, a trigger or roughening out of range.
+    /// No or too many particles, a trigger, a roughening or a lookahead out of range.
     pub fn new(prior: P, motion: M, sensor: H, settings: Settings) -> Result<Self> {
+        ParticleFilter::guided(prior, motion, sensor, Bootstrap, settings)
+    }
+}
+
+/// Expected log-likelihoods count as no less than this beside the largest: what they are divided out of stays bounded.
+const LEAST_EXPECTED: f64 = -14.0;
+
+/// What moves and weighs the particles of one step: a step if time passes, a digest if there is a measurement, a guide
+/// if there are both and the proposal looks.
+struct Plan<'a, S, D, G> {
+    step: Option<&'a S>,
+    digest: Option<&'a D>,
+    guide: Option<&'a G>,
+    /// Whether the states of before are needed afterwards.
+    keeps: bool,
+}
+
+/// The particles that take noise of the motion's own law: a share of them, evenly spaced from a random place, so that
+/// each is one with the same probability.
+struct Defensive {
+    share: f64,
+    offset: f64,
+}
+
+impl Defensive {
+    fn new(share: f64, stream: Stream, step: u64) -> Self {
+        // No block of noise has numbers of this index.
+        Defensive { share, offset: stream.draws(Purpose::Propose, step, u32::MAX).uniform() }
+    }
+
+    /// Writes 1 for those of the particles from `first` on, 0 for the others.
+    fn mark(&self, first: usize, takes_own: &mut [f64]) {
+        if self.share == 0.0 {
+            return takes_own.fill(0.0);
+        }
+        let count = |i: usize| (i as f64).mul_add(self.share, self.offset).floor();
+        let mut before = count(first);
+        for (i, takes) in (first + 1..).zip(takes_own) {
+            let after = count(i);
+            *takes = after - before;
+            before = after;
+        }
+    }
+}
+
+impl<const N: usize, const W: usize, M, H, P, Q> ParticleFilter<N, W, M, H, P, Q>
+where
+    M: Motion<N, W>,
+    H: Likelihood<N>,
+    P: Prior<N>,
+    Q: Proposal<N, W, M, H>,
+{
+    /// A filter from its models and a proposal, such as [`Guided`](crate::proposal::Guided).
+    ///
+    /// # Errors
+    /// No or too many particles, a trigger, a roughening or a lookahead out of range, models that the proposal is not
+    /// for.
+    pub fn guided(prior: P, motion: M, sensor: H, proposal: Q, settings: Settings) -> Result<Self> {
         if settings.particles == 0 || settings.particles > MAX_PARTICLES {
             let value = settings.particles as f64;
             return Err(Error::OutOfRange {
@@ -113,8 +182,12 @@ where
         if let Trigger::Below(fraction) = settings.trigger {
             Error::not_negative("fraction that triggers resampling", fraction)?;
         }
-        Error::not_negative("roughening", settings.roughening)?;
-        Ok(ParticleFilter { prior, motion, sensor, settings })
+        if let Some(exponent) = settings.lookahead {
+            Error::not_negative("exponent of the lookahead", exponent)?;
+        }
+        settings.rejuvenation.checked()?;
+        proposal.accept(&motion, &sensor)?;
+        Ok(ParticleFilter { prior, motion, sensor, proposal, settings })
     }
 
     /// Settings of the filter.
@@ -123,68 +196,155 @@ where
     }
 
     /// Moves and weighs all blocks; fills `cloud.scores`, `weights` and `blocks`. Without a digest the weights stay
-    /// what they were.
-    fn visit(&self, cloud: &mut Cloud<N>, step: Option<&M::Step>, digest: Option<&H::Digest<'_>>) {
+    /// what they were. Returns how often the measurement was evaluated.
+    fn visit(&self, cloud: &mut Cloud<N>, plan: &Plan<'_, M::Step, H::Digest<'_>, Q::Given<'_>>) -> usize {
         let Settings { simd, noise: source, ref threads, .. } = self.settings;
         let (law, components) = (self.motion.noise(), self.motion.noise_components());
         let (stream, number) = (cloud.stream, cloud.step);
-        let in_place = !cloud.pending;
-        if !in_place {
+        let (gathers, keeps) = (cloud.pending, plan.keeps);
+        if gathers || keeps {
             std::mem::swap(&mut cloud.states, &mut cloud.spare);
         }
-        let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
+        let from = cloud.spare.each_ref().map(Vec::as_slice);
+        let survivors = Survivors::new(from, &cloud.ancestors);
         let states = cloud.states.each_mut().map(Vec::as_mut_slice);
         let scores: [&mut [f64]; 2] = [&mut cloud.scores, &mut cloud.weights];
         let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
+        let defensive = plan.guide.map(|guide| Defensive::new(Q::defensive(guide), stream, number));
+        let evaluations = AtomicUsize::new(0);
         threads.for_each_block(
             states,
             scores,
             &mut cloud.blocks,
             |b, mut states, [scores, weights], sums| {
                 let (first, last) = (b * BLOCK, b * BLOCK + scores.len());
-                let survivors = (!in_place).then(|| survivors.block(simd, first, last));
-                if let Some(step) = step {
+                let place = if gathers {
+                    Source::Survivors(survivors.block(simd, first, last))
+                } else if keeps {
+                    Source::Columns(from.map(|c| &c[first..last]))
+                } else {
+                    Source::Here
+                };
+                let count = (last - first, components);
+                let key = |purpose| NoiseKey { stream, purpose, step: number, block: b };
+                if let (Some(guide), Some(defensive)) = (plan.guide, &defensive) {
+                    kernels::gather(place, &mut states);
+                    defensive.mark(first, weights);
+                    let (mut noise, mut own) = (NoiseBlock::<W>::new(), None);
+                    let mut purpose = Purpose::Motion;
+                    if let Noise::Gamma { shape } = law {
+                        let own = own.insert(NoiseBlock::<W>::new());
+                        kernels::fill_gamma(shape, key(purpose), count, |i| weights[i] != 0.0, own);
+                        purpose = Purpose::Propose;
+                    }
+                    kernels::fill_noise(simd, source, Noise::StandardNormal, key(purpose), count, &mut noise);
+                    let made = Q::propose(guide, simd, (&noise, own.as_ref()), &mut states, weights);
+                    evaluations.fetch_add(made, Ordering::Relaxed);
+                } else if let Some(step) = plan.step {
                     let mut noise = NoiseBlock::<W>::new();
-                    let key = NoiseKey { stream, purpose: Purpose::Motion, step: number, block: b };
-                    kernels::fill_noise(simd, source, law, key, (last - first, components), &mut noise);
-                    let source = survivors.map_or(Source::Here, Source::Survivors);
-                    kernels::propagate::<N, W, M>(simd, step, &noise, source, &mut states);
-                } else if let Some(survivors) = survivors {
-                    kernels::gather(survivors, &mut states);
+                    kernels::fill_noise(simd, source, law, key(Purpose::Motion), count, &mut noise);
+                    kernels::propagate::<N, W, M>(simd, step, &noise, place, &mut states);
+                } else {
+                    kernels::gather(place, &mut states);
                 }
                 let states = states.each_ref().map(|c| &**c);
-                match digest {
+                match plan.digest {
                     Some(digest) => H::score(digest, simd, &states, scores),
                     None => scores.fill(0.0),
+                }
+                if plan.guide.is_some() {
+                    scores.iter_mut().zip(&*weights).for_each(|(score, ratio)| *score += ratio);
                 }
                 let log_weights = log_weights.map(|l| &l[first..last]);
                 *sums = kernels::weigh(simd, log_weights, scores, &states, weights);
             },
         );
         cloud.pending = false;
+        evaluations.into_inner() + if plan.digest.is_some() { cloud.len() } else { 0 }
     }
 
-    /// Jitters the survivors of the last resampling.
-    fn roughen(&self, cloud: &mut Cloud<N>) {
-        let n = cloud.len();
-        let scale = self.settings.roughening * Real::exp(-Real::ln(n as f64) / N as f64);
-        std::mem::swap(&mut cloud.states, &mut cloud.spare);
-        let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
-        let survivors = survivors.block(self.settings.simd, 0, n);
-        kernels::gather(survivors, &mut cloud.states.each_mut().map(Vec::as_mut_slice));
-        cloud.pending = false;
-        let sd: [f64; N] = std::array::from_fn(|k| {
-            let column = &cloud.states[k];
-            let low = column.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            scale * (high - low)
-        });
-        for i in 0..n {
-            let mut draws = cloud.stream.draws(Purpose::Roughen, cloud.step, i as u32);
-            for k in 0..N {
-                cloud.states[k][i] += sd[k] * draws.normal();
-            }
+    /// Resamples by what the measurement is expected to say; does not where it says nothing of anybody. The
+    /// log-weights of before are kept. Returns how many have descendants, and how often the measurement was evaluated.
+    fn look_ahead(
+        &self,
+        cloud: &mut Cloud<N>,
+        exponent: f64,
+        (step, digest, guide): (&M::Step, &H::Digest<'_>, Option<&Q::Given<'_>>),
+    ) -> (Option<usize>, usize) {
+        let Settings { simd, ref threads, .. } = self.settings;
+        if cloud.pending {
+            gather(simd, cloud);
         }
+        cloud.kept.resize(cloud.len(), 0.0);
+        let mean = self.motion.noise().mean();
+        let from = cloud.states.each_ref().map(Vec::as_slice);
+        let evaluations = AtomicUsize::new(cloud.len());
+        // Where each particle goes by the mean of its proposal, and what is seen there.
+        threads.for_each_block(
+            cloud.spare.each_mut().map(Vec::as_mut_slice),
+            [&mut cloud.scores, &mut cloud.kept],
+            &mut cloud.blocks,
+            |b, mut states, [scores, ratios], sums| {
+                let first = b * BLOCK;
+                let here = Source::Columns(from.map(|c| &c[first..first + scores.len()]));
+                let mut noise = NoiseBlock::<W>::new();
+                ratios.fill(0.0);
+                if let Some(guide) = guide {
+                    kernels::gather(here, &mut states);
+                    noise.fill(scores.len(), 0.0);
+                    let made = Q::propose(guide, simd, (&noise, None), &mut states, ratios);
+                    evaluations.fetch_add(made, Ordering::Relaxed);
+                } else {
+                    noise.fill(scores.len(), mean);
+                    kernels::propagate::<N, W, M>(simd, step, &noise, here, &mut states);
+                }
+                H::score(digest, simd, &states.each_ref().map(|c| &**c), scores);
+                let mut max = f64::NEG_INFINITY;
+                for (expected, score) in ratios.iter_mut().zip(scores) {
+                    *expected += *score;
+                    if *expected > max && *expected < f64::INFINITY {
+                        max = *expected;
+                    }
+                }
+                *sums = BlockSums { max, ..BlockSums::default() };
+            },
+        );
+        let evaluations = evaluations.into_inner();
+        let max = cloud.total().max;
+        if max == f64::NEG_INFINITY {
+            return (None, evaluations);
+        }
+        let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
+        threads.for_each_block(
+            cloud.states.each_mut().map(Vec::as_mut_slice),
+            [&mut cloud.scores, &mut cloud.weights, &mut cloud.kept],
+            &mut cloud.blocks,
+            |b, states, [scores, weights, expected], sums| {
+                for (score, expected) in scores.iter_mut().zip(expected) {
+                    // Written so that a NaN becomes the least.
+                    let beside = *expected - max;
+                    let beside = if beside > LEAST_EXPECTED { beside.min(0.0) } else { LEAST_EXPECTED };
+                    *expected = exponent * beside;
+                    *score = *expected;
+                }
+                let log_weights = log_weights.map(|l| &l[b * BLOCK..b * BLOCK + scores.len()]);
+                *sums = kernels::weigh(simd, log_weights, scores, &states.each_ref().map(|c| &**c), weights);
+            },
+        );
+        let total = cloud.total();
+        if !(total.sum.is_finite() && total.sum > 0.0) {
+            return (None, evaluations);
+        }
+        let before = cloud.log_sum;
+        let distinct_ancestors = self.resample(cloud, &total);
+        for (score, &ancestor) in cloud.scores.iter_mut().zip(&cloud.ancestors) {
+            *score = -cloud.kept[ancestor as usize];
+        }
+        std::mem::swap(&mut cloud.kept, &mut cloud.log_weights);
+        std::mem::swap(&mut cloud.log_weights, &mut cloud.scores);
+        cloud.equal = false;
+        cloud.log_sum -= total.log_sum() - before;
+        (Some(distinct_ancestors), evaluations)
     }
 
     /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there
@@ -236,31 +396,59 @@ where
     }
 }
 
-impl<const N: usize, const W: usize, M, H, P> Filter for ParticleFilter<N, W, M, H, P>
+impl<const N: usize, const W: usize, M, H, P, Q> Filter for ParticleFilter<N, W, M, H, P, Q>
 where
     M: Motion<N, W>,
     H: Likelihood<N>,
     P: Prior<N>,
+    Q: Proposal<N, W, M, H>,
 {
     type Measurement = H::Value;
     type Belief = Cloud<N>;
 
     fn start(&self, at: Time, stream: Stream) -> Result<Cloud<N>> {
-        Cloud::from_columns(at, stream, self.prior.columns(stream, self.settings.particles)?)
+        let n = self.settings.particles;
+        let mut cloud = Cloud::from_columns(at, stream, self.prior.columns(stream, n)?)?;
+        // What the first step with a measurement would ask for.
+        if self.settings.lookahead.is_some() {
+            cloud.scratch.reserve(n, n);
+        }
+        if self.settings.lookahead.is_some() || Q::GUIDED {
+            cloud.kept.reserve_exact(n);
+        }
+        Ok(cloud)
     }
 
     fn step(&self, cloud: &mut Cloud<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
-        if to < cloud.time {
-            return Err(Error::OutOfOrder { from: cloud.time, to });
+        let from = cloud.time;
+        if to < from {
+            return Err(Error::OutOfOrder { from, to });
         }
+        let Settings { simd, rejuvenation, lookahead, .. } = self.settings;
         let digest = z.map(|z| self.sensor.digest(z, to)).transpose()?;
-        let moved = (to > cloud.time).then(|| self.motion.over(cloud.time, to)).transpose()?;
-        if cloud.pending && self.settings.roughening > 0.0 {
-            self.roughen(cloud);
+        let moved = (to > from).then(|| self.motion.over(from, to)).transpose()?;
+        let guide = match (z, &moved) {
+            (Some(z), Some(step)) if Q::GUIDED => {
+                let models = Models { motion: &self.motion, step, sensor: &self.sensor, at: to };
+                Some(self.proposal.given(models, z, &cloud.particle(0))?)
+            }
+            _ => None,
+        };
+        if cloud.pending {
+            rejuvenation.apply(simd, cloud);
         }
         cloud.step += 1;
         let n = cloud.len();
-        self.visit(cloud, moved.as_ref(), digest.as_ref());
+        let before = (cloud.pending, cloud.equal, cloud.log_sum);
+        let (ahead, expectations) = match (lookahead, &moved, &digest) {
+            (Some(exponent), Some(step), Some(digest)) => {
+                self.look_ahead(cloud, exponent, (step, digest, guide.as_ref()))
+            }
+            _ => (None, 0),
+        };
+        let keeps = guide.is_some() || ahead.is_some();
+        let plan = Plan { step: moved.as_ref(), digest: digest.as_ref(), guide: guide.as_ref(), keeps };
+        let evaluations = expectations + self.visit(cloud, &plan);
         cloud.time = to;
 
         let mut total = cloud.total();
@@ -269,13 +457,40 @@ where
             && total.max < f64::INFINITY
             && total.sum_states.iter().all(|s| s.is_finite()))
         {
+            if keeps && ahead.is_none() {
+                cloud.kept.clone_from(&cloud.log_weights);
+            }
             not_finite = self.mend(cloud);
             total = cloud.total();
         }
-        let mut particles =
-            ParticleUpdate { ess: total.ess(), resampled: false, distinct_ancestors: n, not_finite };
+        let mut particles = ParticleUpdate {
+            ess: total.ess(),
+            resampled: ahead.is_some(),
+            distinct_ancestors: ahead.unwrap_or(n),
+            not_finite,
+            evaluations,
+        };
         if total.max == f64::NEG_INFINITY {
-            // The measurement has no likelihood anywhere: take it back. The scores were not yet the log-weights.
+            // The measurement has no likelihood anywhere: take it back.
+            if keeps {
+                // The particles were moved with a view to it: all that was done is undone, and done without it.
+                std::mem::swap(&mut cloud.states, &mut cloud.spare);
+                if ahead.is_some() || not_finite > 0 {
+                    std::mem::swap(&mut cloud.log_weights, &mut cloud.kept);
+                }
+                (cloud.pending, cloud.equal, cloud.log_sum) = before;
+                // Looking ahead has gathered the survivors.
+                cloud.pending &= ahead.is_none();
+                (cloud.time, cloud.step) = (from, cloud.step - 1);
+                let update = self.step(cloud, to, None)?;
+                let particles = update.particles.map(|particles| ParticleUpdate { evaluations, ..particles });
+                return Ok(Update {
+                    outcome: Outcome::Degenerate,
+                    log_evidence: f64::NEG_INFINITY,
+                    particles,
+                });
+            }
+            // The scores were not yet the log-weights.
             self.restore_weights(cloud);
             let total = cloud.total();
             (particles.ess, cloud.log_sum) = (total.ess(), total.log_sum());
@@ -287,7 +502,8 @@ where
         }
         let log_sum = total.log_sum();
         let log_evidence = if digest.is_some() { log_sum - cloud.log_sum } else { 0.0 };
-        if digest.is_some() && self.settings.trigger.fires(particles.ess, n) {
+        let trigger = self.settings.trigger;
+        if digest.is_some() && lookahead.is_none() && trigger.fires(particles.ess, n) {
             particles.resampled = true;
             particles.distinct_ancestors = self.resample(cloud, &total);
         } else if digest.is_some() || not_finite > 0 {
@@ -299,12 +515,7 @@ where
     }
 }
 
-impl<const N: usize, const W: usize, M, H, P> ParticleFilter<N, W, M, H, P>
-where
-    M: Motion<N, W>,
-    H: Likelihood<N>,
-    P: Prior<N>,
-{
+impl<const N: usize, const W: usize, M, H, P, Q> ParticleFilter<N, W, M, H, P, Q> {
     /// Weights and sums as they were before the last measurement, for the states as they are now.
     fn restore_weights(&self, cloud: &mut Cloud<N>) {
         for b in 0..cloud.blocks.len() {

@@ -41,13 +41,13 @@ impl Default for SigmaPoints {
 
 /// Parameters digested for a number of variables.
 #[derive(Clone, Copy)]
-struct Spread {
+pub struct Spread {
     /// Distance of the points in standard deviations, sqrt(c).
-    distance: f64,
+    pub(crate) distance: f64,
     /// Weight of each point but the centre, 1 / 2c.
     weight: f64,
     /// e = y_0 + shift (mean - y_0).
-    shift: f64,
+    pub(crate) shift: f64,
 }
 
 impl SigmaPoints {
@@ -61,7 +61,7 @@ impl SigmaPoints {
         SigmaPoints { alpha: 1.0, beta: 0.0, kappa: Some(0.0) }
     }
 
-    fn spread(&self, n: usize) -> Result<Spread> {
+    pub(crate) fn spread(&self, n: usize) -> Result<Spread> {
         let n = n as f64;
         let squared = self.alpha * self.alpha;
         let c = Error::positive("alpha^2 (n + kappa)", squared * (n + self.kappa.unwrap_or(2.0 - n)))?;

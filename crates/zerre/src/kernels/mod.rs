@@ -11,6 +11,7 @@ mod noise;
 mod philox;
 mod pool;
 mod propagate;
+mod propose;
 mod resample;
 mod score;
 mod transition;
@@ -22,7 +23,9 @@ pub use pool::Threads;
 
 pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
+pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
+pub(crate) use propose::{Propose, propose};
 pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };

@@ -51,7 +51,7 @@ pub struct NoiseSource {
 }
 
 /// Noise of one block: `W` rows of `width` numbers, in single or double precision.
-pub(crate) struct NoiseBlock<const W: usize> {
+pub struct NoiseBlock<const W: usize> {
     /// Written by [`fill_noise`] before it is read: zeroing it first costs as much as moving the particles.
     numbers: MaybeUninit<Numbers<W>>,
     pub(super) width: usize,
@@ -68,6 +68,11 @@ union Numbers<const W: usize> {
 impl<const W: usize> NoiseBlock<W> {
     pub(crate) fn new() -> Self {
         NoiseBlock { numbers: MaybeUninit::uninit(), width: 0, is_double: false }
+    }
+
+    /// Gives the first `count` particles the same number in every component.
+    pub(crate) fn fill(&mut self, count: usize, number: f64) {
+        self.double_mut(count.div_ceil(64) * 64).fill(number);
     }
 
     /// Component `row` of particle `i` of the block.
@@ -165,16 +170,27 @@ pub(crate) fn fill_noise<const W: usize>(
                 }
             }
         },
-        Noise::Gamma { shape } => {
-            let out = noise.double_mut(width);
-            out.fill(0.0);
-            let first = (key.block * BLOCK) as u32;
-            for (i, particle) in (first..).take(count).enumerate() {
-                let mut draws = key.stream.draws(key.purpose, key.step, particle);
-                for w in 0..components {
-                    out[w * width + i] = draws.gamma(shape);
-                }
-            }
+        Noise::Gamma { shape } => fill_gamma(shape, key, (count, components), |_| true, noise),
+    }
+}
+
+/// Gamma noise for those of the first `count` particles that `takes` names; zeros for the others. It is drawn one after
+/// the other, so that it pays to leave some out.
+pub(crate) fn fill_gamma<const W: usize>(
+    shape: f64,
+    key: NoiseKey,
+    (count, components): (usize, usize),
+    takes: impl Fn(usize) -> bool,
+    noise: &mut NoiseBlock<W>,
+) {
+    let width = count.div_ceil(64) * 64;
+    let out = noise.double_mut(width);
+    out.fill(0.0);
+    let first = (key.block * BLOCK) as u32;
+    for (i, particle) in (first..).take(count).enumerate().filter(|&(i, _)| takes(i)) {
+        let mut draws = key.stream.draws(key.purpose, key.step, particle);
+        for w in 0..components {
+            out[w * width + i] = draws.gamma(shape);
         }
     }
 }

@@ -223,8 +223,15 @@ pub(crate) fn draw_normal<const N: usize>(
     );
 }
 
-/// `states[k][i] <- survivor i`, without moving.
-pub(crate) fn gather<const N: usize>(survivors: SurvivorBlock<'_, N>, states: &mut [&mut [f64]; N]) {
+/// Puts the particles of `source` in their places, without moving them.
+pub(crate) fn gather<const N: usize>(source: Source<'_, N>, states: &mut [&mut [f64]; N]) {
+    let survivors = match source {
+        Source::Here => return,
+        Source::Columns(from) => {
+            return states.iter_mut().zip(from).for_each(|(to, from)| to.copy_from_slice(from));
+        }
+        Source::Survivors(survivors) => survivors,
+    };
     for (to, from) in states.iter_mut().zip(survivors.from) {
         assert!(to.len() == survivors.ancestors.len());
         for (x, &a) in to.iter_mut().zip(survivors.ancestors) {
@@ -246,7 +253,11 @@ fn gather_tail<const N: usize>(survivors: &SurvivorBlock<'_, N>, first: usize, s
 
 /// Noise of eight particles. Loops instead of `array::from_fn` here and below: a closure may fail to be inlined.
 #[inline(always)]
-fn noise_lanes<const W: usize, S: Token>(simd: S, noise: &NoiseBlock<W>, i: usize) -> [Lanes<S>; W] {
+pub(super) fn noise_lanes<const W: usize, S: Token>(
+    simd: S,
+    noise: &NoiseBlock<W>,
+    i: usize,
+) -> [Lanes<S>; W] {
     let mut w = [Lanes::splat(simd, 0.0); W];
     for k in 0..W {
         let at = k * noise.width + i;

@@ -12,7 +12,7 @@ use crate::belief::{Cloud, Gaussian, GaussianBelief, Hypotheses, Hypothesis, Mod
 use crate::error::{Error, Result};
 use crate::filter::{
     Filter, GaussianFilter, ImmParticle, Linear, ModalSettings, MultipleModel, ParticleFilter, Prior,
-    Settings, SigmaPoints, Tangent, Transform, Update, check_hypotheses, predict_measurement,
+    Rejuvenation, Settings, SigmaPoints, Tangent, Transform, Update, check_hypotheses, predict_measurement,
     step_hypotheses, step_modes,
 };
 use crate::math::gaussian::LN_2PI;
@@ -80,8 +80,9 @@ where
         let sensors = self.sensors.clone();
         if self.kind.form == Form::Cloud {
             let trigger = if filter.name == "sis" { Trigger::Never } else { filter.trigger };
-            let roughening = filter.roughening;
-            let settings = Settings { particles, resampling, trigger, roughening, noise, simd, threads };
+            let rejuvenation = Rejuvenation::Roughen(filter.roughening);
+            let base = Settings { particles, resampling, trigger, noise, simd, threads, ..Settings::default() };
+            let settings = Settings { rejuvenation, ..base };
             return ParticleFilter::new(prior, self.motion.clone(), sensors, settings).map(Finally::Cloud);
         }
         let Some(Modes { model, .. }) = &self.modes else { return Ok(Finally::Gaussian) };

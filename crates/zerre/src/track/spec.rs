@@ -26,7 +26,7 @@ pub struct FilterSpec {
     pub resampling: Resampling,
     /// When to resample; `sis` never does, filters with modes always.
     pub trigger: Trigger,
-    /// See [`Settings::roughening`](crate::filter::Settings::roughening); without modes only.
+    /// See [`Rejuvenation::Roughen`](crate::filter::Rejuvenation::Roughen); without modes only.
     pub roughening: f64,
     /// How process noise is made.
     pub noise: NoiseSource,

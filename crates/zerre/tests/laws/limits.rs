@@ -3,7 +3,7 @@
 use crate::list::{Class, Estimates, Means, RESAMPLINGS, Run, UnderLaw, filters};
 use crate::{Verdict, uphold, worlds};
 use zerre::belief::{Cloud, Gaussian};
-use zerre::filter::{Filter, Kalman, Outcome, ParticleFilter, Settings, Update};
+use zerre::filter::{Filter, Kalman, Outcome, ParticleFilter, Rejuvenation, Settings, Update};
 use zerre::math::Matrix;
 use zerre::resample::Trigger;
 use zerre::rng::Stream;
@@ -126,7 +126,9 @@ fn settings_out_of_range_are_refused() {
     }
     for bad in [-0.1, f64::NAN, f64::INFINITY] {
         assert!(refused(Settings { trigger: Trigger::Below(bad), ..Settings::default() }));
-        assert!(refused(Settings { roughening: bad, ..Settings::default() }));
+        let rejuvenation = Rejuvenation::Roughen(bad);
+        assert!(refused(Settings { rejuvenation, ..Settings::default() }));
+        assert!(refused(Settings { lookahead: Some(bad), ..Settings::default() }));
     }
     let columns = |column: Vec<f64>| Cloud::from_columns(Time::ZERO, Stream::new(0), [column, vec![0.0; 2]]);
     columns(vec![0.0; 2]).unwrap();

@@ -5,7 +5,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use zerre::belief::{Cloud, Gaussian, GaussianBelief, ModalCloud};
 use zerre::filter::{
     AfterResampling, Extended, Filter, ImmParticle, Kalman, ModalBelief, ModalSettings, MultipleModel,
-    Output, ParticleFilter, ScaledResidual, Settings, SigmaPoints, Unscented, Update, Wsms,
+    Output, ParticleFilter, Rejuvenation, ScaledResidual, Settings, SigmaPoints, Unscented, Update, Wsms,
 };
 use zerre::kernels::{Generator, NoiseSource, Resolution, Simd, Threads};
 use zerre::math::Matrix;
@@ -74,10 +74,11 @@ pub const SOURCES: [NoiseSource; 4] = [
 /// The list.
 pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     let &World { prior, motion, sensor } = world;
-    let particle = |noise, resampling, trigger, roughening| {
+    let particle = |noise, resampling, trigger, rejuvenation| {
         let Means { particles, simd, ref threads } = *means;
-        let threads = threads.clone();
-        let settings = Settings { particles, resampling, trigger, roughening, noise, simd, threads };
+        let (threads, lookahead) = (threads.clone(), None);
+        let settings =
+            Settings { particles, resampling, trigger, rejuvenation, lookahead, noise, simd, threads };
         ParticleFilter::new(prior, motion, sensor, settings).unwrap()
     };
     let mut list = vec![
@@ -94,12 +95,16 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     }
     for noise in SOURCES {
         let source = format!("{:?} {:?}", noise.generator, noise.resolution);
-        let never = particle(noise, Resampling::Systematic, Trigger::Never, 0.0);
+        let never = particle(noise, Resampling::Systematic, Trigger::Never, Rejuvenation::Nothing);
         list.push(entry(format!("importance sampling, {source}"), Class::Consistent, never));
         for resampling in RESAMPLINGS {
             for trigger in [Trigger::Always, Trigger::Below(0.5)] {
                 let name = format!("particle, {resampling:?} {trigger:?}, {source}");
-                list.push(entry(name, Class::Consistent, particle(noise, resampling, trigger, 0.0)));
+                list.push(entry(
+                    name,
+                    Class::Consistent,
+                    particle(noise, resampling, trigger, Rejuvenation::Nothing),
+                ));
             }
         }
     }
@@ -120,7 +125,7 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     list.extend(crate::list_modes_gaussian::filters(world));
     list.extend(crate::list_deterministic::filters(world, means));
     let default = NoiseSource::default();
-    let roughened = particle(default, Resampling::Systematic, Trigger::Always, 0.2);
+    let roughened = particle(default, Resampling::Systematic, Trigger::Always, Rejuvenation::Roughen(0.2));
     list.push(entry("roughened (Gordon, Salmond and Smith)", Class::Reproduction, roughened));
     let model = JumpMarkov::new(vec![motion; 3], Chain::staying(3, 0.9).unwrap()).unwrap();
     let Means { particles, simd, ref threads } = *means;
@@ -134,10 +139,11 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     let selecting =
         selecting.with_selection(Wsms { threshold_range: (0.035, 3.0), ..Wsms::default() }).unwrap();
     list.push(entry("multiple model, one selected (Ucar)", Class::Reproduction, selecting));
+    list.extend(crate::list_guided::filters(world, means));
     list
 }
 
-fn entry(name: impl Into<String>, class: Class, filter: impl UnderLaw + 'static) -> Entry {
+pub fn entry(name: impl Into<String>, class: Class, filter: impl UnderLaw + 'static) -> Entry {
     Entry { name: name.into(), class, filter: Box::new(filter) }
 }
 

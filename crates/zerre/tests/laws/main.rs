@@ -8,6 +8,7 @@ mod lanes_and_threads;
 mod limits;
 mod list;
 mod list_deterministic;
+mod list_guided;
 mod list_modes_gaussian;
 mod no_allocation;
 mod parity;
