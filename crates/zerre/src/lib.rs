@@ -10,6 +10,7 @@ pub mod filter;
 pub mod kernels;
 pub mod math;
 pub mod model;
+pub mod moves;
 pub mod parameter;
 pub mod proposal;
 pub mod resample;

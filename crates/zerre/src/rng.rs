@@ -44,6 +44,8 @@ pub enum Purpose {
     Path = 10,
     /// Process noise from a proposal that is not its own law.
     Propose = 8,
+    /// Markov moves.
+    Move = 9,
     /// Deriving keys.
     Fork = 255,
 }

@@ -8,6 +8,7 @@ use crate::resample::Scratch;
 use crate::rng::Stream;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// `n` weighted particles of `N` state components, stored as columns.
 ///
@@ -189,6 +190,16 @@ impl<const N: usize> Cloud<N> {
         Cloud { stream: self.stream.fork(label), ..self.clone() }
     }
 
+    /// Gives all particles the same weight: they are draws of one law.
+    pub(crate) fn equalise(&mut self) {
+        let n = self.len();
+        self.weights.fill(1.0);
+        for (b, sums) in self.blocks.iter_mut().enumerate() {
+            *sums = uniform_block(&self.states, b * BLOCK..((b + 1) * BLOCK).min(n));
+        }
+        (self.equal, self.pending, self.log_sum) = (true, false, Real::ln(n as f64));
+    }
+
     /// Sums over all blocks of the last update.
     pub(crate) fn total(&self) -> Total<N> {
         Total::of(&self.blocks)
@@ -258,14 +269,14 @@ pub(crate) fn quantiles_of<const Q: usize>(
 /// Block sums of equal weights.
 fn uniform_blocks<const N: usize>(states: &[Vec<f64>; N]) -> Vec<BlockSums<N>> {
     let n = states.first().map_or(0, Vec::len);
-    (0..n.div_ceil(BLOCK))
-        .map(|b| {
-            let range = b * BLOCK..((b + 1) * BLOCK).min(n);
-            let count = range.len() as f64;
-            let sum_states = std::array::from_fn(|k| states[k][range.clone()].iter().sum());
-            BlockSums { max: 0.0, sum: count, sum_squares: count, sum_states }
-        })
-        .collect()
+    (0..n.div_ceil(BLOCK)).map(|b| uniform_block(states, b * BLOCK..((b + 1) * BLOCK).min(n))).collect()
+}
+
+/// Sums of a block of equal weights.
+fn uniform_block<const N: usize>(states: &[Vec<f64>; N], rows: Range<usize>) -> BlockSums<N> {
+    let count = rows.len() as f64;
+    let sum_states = std::array::from_fn(|k| states[k][rows.clone()].iter().sum());
+    BlockSums { max: 0.0, sum: count, sum_squares: count, sum_states }
 }
 
 /// What of a cloud is saved; the rest follows from it. The logarithm of a weight of zero is saved as absent, because

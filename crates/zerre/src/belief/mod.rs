@@ -6,6 +6,7 @@ mod grid;
 mod hypotheses;
 mod modal;
 mod modal_cloud;
+mod moved;
 
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub(crate) use cloud::{SavedCloud, level_checked, load_log, quantiles_of, save_log};
@@ -17,3 +18,5 @@ pub use modal::ModalGaussian;
 pub(crate) use modal::matched;
 pub use modal_cloud::ModalCloud;
 pub(crate) use modal_cloud::{SavedModalCloud, Segment};
+pub use moved::MovedCloud;
+pub(crate) use moved::Proposals;

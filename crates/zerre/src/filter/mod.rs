@@ -8,10 +8,12 @@ mod grid;
 pub(crate) mod imm;
 mod imm_particle;
 mod kalman;
+mod mcmc;
 mod multiple_model;
 mod particle;
 pub(crate) mod rao_blackwell;
 mod rejuvenation;
+mod resample_move;
 mod selection;
 mod unscented;
 
@@ -26,6 +28,7 @@ pub use imm::{Imm, ImmExtended, ImmKalman, ImmUnscented};
 pub use imm_particle::ImmParticle;
 pub(crate) use kalman::same;
 pub use kalman::{Kalman, Linear};
+pub use mcmc::{McmcSettings, SequentialMcmc};
 pub(crate) use multiple_model::SavedModalBelief;
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
@@ -34,6 +37,7 @@ pub use particle::{ParticleFilter, Prior, Settings};
 pub use rao_blackwell::RaoBlackwell;
 pub(crate) use rao_blackwell::{check_hypotheses, step_with as step_hypotheses};
 pub use rejuvenation::{Kernel, Rejuvenation};
+pub use resample_move::ResampleMove;
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub(crate) use unscented::Spread;
 pub use unscented::{SigmaPoints, Unscented};

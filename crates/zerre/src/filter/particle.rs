@@ -195,6 +195,16 @@ where
         &self.settings
     }
 
+    /// The motion model.
+    pub fn motion(&self) -> &M {
+        &self.motion
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> &H {
+        &self.sensor
+    }
+
     /// Moves and weighs all blocks; fills `cloud.scores`, `weights` and `blocks`. Without a digest the weights stay
     /// what they were. Returns how often the measurement was evaluated.
     fn visit(&self, cloud: &mut Cloud<N>, plan: &Plan<'_, M::Step, H::Digest<'_>, Q::Given<'_>>) -> usize {

@@ -22,7 +22,6 @@ pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
 pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
-pub(crate) use noise::{NoiseBlock, NoiseKey, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
 pub(crate) use propose::{Propose, propose};
@@ -30,7 +29,7 @@ pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };
 pub(crate) use score::score;
-pub(crate) use transition::{centres, predict_density, transition_row};
+pub(crate) use transition::{add_log_transitions, centres, predict_density, transition_row};
 pub(crate) use weigh::{BlockSums, Total, weigh};
 
 /// Particles per block: small enough that states, noise and weights of a block stay in the first-level cache.

@@ -1,4 +1,4 @@
-//! Densities between many states: rows for backward simulation, direct sums for grids.
+//! Densities between many states: rows for backward simulation, direct sums for grids, pairs for moves.
 
 use super::propagate::{load_part, store_part};
 use super::{LANES, Simd};
@@ -145,4 +145,55 @@ pub(crate) fn predict_density<A: Motion<N, W>, const N: usize, const W: usize>(
     let sources = (centres, weights);
     dispatch!(level,
         simd => run(simd, density, targets, sources, out), naive => naive(density, targets, sources, out));
+}
+
+/// `out[i] += ln p(to[..][i] | from[..][i])`.
+pub(crate) fn add_log_transitions<A: Motion<N, W>, const N: usize, const W: usize>(
+    level: Simd,
+    density: &TransitionDensity<A, N, W>,
+    from: &[&[f64]; N],
+    to: &[&[f64]; N],
+    out: &mut [f64],
+) {
+    #[inline(always)]
+    fn run<A: Motion<N, W>, const N: usize, const W: usize, S: Token>(
+        simd: S,
+        density: &TransitionDensity<A, N, W>,
+        (from, to): (&[&[f64]; N], &[&[f64]; N]),
+        out: &mut [f64],
+    ) {
+        let whole = out.len() / LANES * LANES;
+        assert!(from.iter().chain(to).all(|c| c.len() == out.len()));
+        let zero = Lanes::splat(simd, 0.0);
+        let (mut x, mut y) = ([zero; N], [zero; N]);
+        for i in (0..whole).step_by(LANES) {
+            for k in 0..N {
+                x[k] = Lanes::load(simd, &from[k][i..i + LANES]);
+                y[k] = Lanes::load(simd, &to[k][i..i + LANES]);
+            }
+            (Lanes::load(simd, &out[i..]) + density.log_density(x, y)).store(&mut out[i..]);
+        }
+        if whole < out.len() {
+            for k in 0..N {
+                x[k] = load_part(simd, &from[k][whole..]);
+                y[k] = load_part(simd, &to[k][whole..]);
+            }
+            let sum = load_part(simd, &out[whole..]) + density.log_density(x, y);
+            store_part(sum, &mut out[whole..]);
+        }
+    }
+    fn naive<A: Motion<N, W>, const N: usize, const W: usize>(
+        density: &TransitionDensity<A, N, W>,
+        (from, to): (&[&[f64]; N], &[&[f64]; N]),
+        out: &mut [f64],
+    ) {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out += density.log_density::<f64>(from.map(|c| c[i]), to.map(|c| c[i]));
+        }
+    }
+    dispatch!(
+        level,
+        simd => run(simd, density, (from, to), out),
+        naive => naive(density, (from, to), out)
+    );
 }

@@ -81,7 +81,8 @@ where
         if self.kind.form == Form::Cloud {
             let trigger = if filter.name == "sis" { Trigger::Never } else { filter.trigger };
             let rejuvenation = Rejuvenation::Roughen(filter.roughening);
-            let base = Settings { particles, resampling, trigger, noise, simd, threads, ..Settings::default() };
+            let base =
+                Settings { particles, resampling, trigger, noise, simd, threads, ..Settings::default() };
             let settings = Settings { rejuvenation, ..base };
             return ParticleFilter::new(prior, self.motion.clone(), sensors, settings).map(Finally::Cloud);
         }

@@ -10,6 +10,7 @@ mod list;
 mod list_deterministic;
 mod list_guided;
 mod list_modes_gaussian;
+mod list_moves;
 mod no_allocation;
 mod parity;
 mod replay;

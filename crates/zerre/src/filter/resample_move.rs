@@ -1,0 +1,87 @@
+//! Resampling followed by moves: copies of a particle part again, and the law stays what it is.
+
+use crate::belief::{Gaussian, MovedCloud};
+use crate::error::{Error, Result};
+use crate::filter::{Filter, ParticleFilter, Prior, Rejuvenation, Settings, Update};
+use crate::model::{Likelihood, Motion, TransitionDensity};
+use crate::moves::{Move, Moved, PathLaw, Sweeps, spread_of};
+use crate::rng::Stream;
+use crate::time::Time;
+
+/// A particle filter that moves its particles by a Markov kernel after each resampling (Gilks and Berzuini, Journal of
+/// the Royal Statistical Society B 63, 2001): particle i with parent a is moved under p(z | x) p(x | x_a), the law that
+/// it is a draw of. The motion must have a transition density.
+///
+/// After such a step the belief shows the moved particles with equal weights. Steps that do not resample, and those in
+/// which no time passes, are those of the filter inside.
+#[derive(Clone, Debug)]
+pub struct ResampleMove<const N: usize, const W: usize, A, H, P = Gaussian<N>> {
+    filter: ParticleFilter<N, W, A, H, P>,
+    moves: Sweeps,
+}
+
+impl<const N: usize, const W: usize, A, H, P> ResampleMove<N, W, A, H, P>
+where
+    A: Motion<N, W>,
+    H: Likelihood<N>,
+    P: Prior<N>,
+{
+    /// Moves the particles of `filter` so many times by `kernel`.
+    ///
+    /// # Errors
+    /// Parameters of the kernel out of range; a filter that rejuvenates its particles itself. A motion without a density is refused by the first step that takes time.
+    pub fn new(filter: ParticleFilter<N, W, A, H, P>, kernel: Move, sweeps: u32) -> Result<Self> {
+        if filter.settings().rejuvenation != Rejuvenation::Nothing {
+            return Err(Error::Unsupported(
+                "moves take the place of a rejuvenation: set it to nothing".to_owned(),
+            ));
+        }
+        let moves = Sweeps { kernel, count: sweeps };
+        moves.check()?;
+        Ok(ResampleMove { filter, moves })
+    }
+}
+
+impl<const N: usize, const W: usize, A, H, P> Filter for ResampleMove<N, W, A, H, P>
+where
+    A: Motion<N, W>,
+    H: Likelihood<N>,
+    P: Prior<N>,
+{
+    type Measurement = H::Value;
+    type Belief = MovedCloud<N>;
+
+    fn start(&self, at: Time, stream: Stream) -> Result<MovedCloud<N>> {
+        self.filter.start(at, stream).map(MovedCloud::new)
+    }
+
+    fn step(&self, belief: &mut MovedCloud<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
+        let from = belief.cloud.time;
+        let takes_time = z.is_some() && to > from;
+        let density = takes_time
+            .then(|| TransitionDensity::over(self.filter.motion(), from, to, &belief.cloud.mean()))
+            .transpose()?;
+        let digest = z.map(|z| self.filter.sensor().digest(z, to)).transpose()?;
+        let &Settings { simd, ref threads, .. } = self.filter.settings();
+        if takes_time {
+            belief.remember_parents(simd);
+        }
+        let mut update = self.filter.step(&mut belief.cloud, to, z)?;
+        belief.moved = Moved::default();
+        // A filter that looks ahead has resampled the parents: nothing is pending, and nothing has become alike.
+        if let (Some(density), Some(digest)) = (&density, &digest)
+            && belief.cloud.pending
+        {
+            let spread = spread_of(&belief.cloud);
+            belief.branch(simd);
+            let MovedCloud { cloud, parents, densities, frozen, moved, .. } = belief;
+            let law = PathLaw::<A, H, N, W> { density, digest, parents, simd };
+            *moved = self.moves.run(cloud, densities, frozen, &law, (threads, spread));
+            cloud.equalise();
+            if let Some(particles) = &mut update.particles {
+                particles.evaluations += moved.evaluations;
+            }
+        }
+        Ok(update)
+    }
+}
