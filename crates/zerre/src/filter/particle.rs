@@ -288,6 +288,7 @@ where
         cloud.kept.resize(cloud.len(), 0.0);
         let mean = self.motion.noise().mean();
         let from = cloud.states.each_ref().map(Vec::as_slice);
+        let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
         let evaluations = AtomicUsize::new(cloud.len());
         // Where each particle goes by the mean of its proposal, and what is seen there.
         threads.for_each_block(
@@ -310,9 +311,10 @@ where
                 }
                 H::score(digest, simd, &states.each_ref().map(|c| &**c), scores);
                 let mut max = f64::NEG_INFINITY;
-                for (expected, score) in ratios.iter_mut().zip(scores) {
+                for (i, (expected, score)) in ratios.iter_mut().zip(scores).enumerate() {
                     *expected += *score;
-                    if *expected > max && *expected < f64::INFINITY {
+                    let has_weight = log_weights.is_none_or(|l| l[first + i] != f64::NEG_INFINITY);
+                    if has_weight && *expected > max && *expected < f64::INFINITY {
                         max = *expected;
                     }
                 }
@@ -324,7 +326,6 @@ where
         if max == f64::NEG_INFINITY {
             return (None, evaluations);
         }
-        let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
         threads.for_each_block(
             cloud.states.each_mut().map(Vec::as_mut_slice),
             [&mut cloud.scores, &mut cloud.weights, &mut cloud.kept],
