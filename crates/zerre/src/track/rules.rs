@@ -80,10 +80,9 @@ where
         let sensors = self.sensors.clone();
         if self.kind.form == Form::Cloud {
             let trigger = if filter.name == "sis" { Trigger::Never } else { filter.trigger };
-            let rejuvenation = Rejuvenation::Roughen(filter.roughening);
-            let base =
-                Settings { particles, resampling, trigger, noise, simd, threads, ..Settings::default() };
-            let settings = Settings { rejuvenation, ..base };
+            let (rejuvenation, lookahead) = (Rejuvenation::Roughen(filter.roughening), None);
+            let settings =
+                Settings { particles, resampling, trigger, rejuvenation, lookahead, noise, simd, threads };
             return ParticleFilter::new(prior, self.motion.clone(), sensors, settings).map(Finally::Cloud);
         }
         let Some(Modes { model, .. }) = &self.modes else { return Ok(Finally::Gaussian) };
