@@ -133,7 +133,12 @@ fn everything_is_written_and_threads_change_nothing_but_times() {
         assert!(fs::read_to_string(out.join(format!("{name}.csv"))).unwrap().lines().count() > 4, "{name}");
     }
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    for text in ["STANDARD DEVIATIONS", "Suspect in print", "Probabilities of the modes", "Scenario 3"] {
+    for text in [
+        "STANDARD DEVIATIONS",
+        "Printed cells that cannot be right",
+        "Probabilities of the modes",
+        "Scenario 3",
+    ] {
         assert!(page.contains(text), "{text}");
     }
     let record: Value = serde_json::from_str(&fs::read_to_string(out.join("run.json")).unwrap()).unwrap();

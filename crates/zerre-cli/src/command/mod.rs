@@ -3,6 +3,7 @@
 mod bench;
 mod catalog;
 mod compare;
+mod experiment;
 mod init;
 mod reproduce;
 mod schema;

@@ -1,6 +1,7 @@
 //! What a finite number of runs says: bootstrap intervals, paired comparisons, and many of them at once.
 
 use crate::distribution::student_tail;
+use std::collections::BTreeMap;
 use zerre::rng::{Purpose, Stream};
 
 /// A value with the ends of its 95 % interval.
@@ -49,6 +50,30 @@ impl Bootstrap {
         let last = values.len() - 1;
         let at = |share: f64| values[(share * last as f64).round() as usize];
         Some(Estimate { value, low: at(0.025), high: at(0.975) })
+    }
+}
+
+/// Bootstraps for columns of several lengths.
+#[derive(Clone, Debug)]
+pub struct Bootstraps(BTreeMap<usize, Bootstrap>);
+
+/// Label of their stream: "bootstrap" in ASCII, less its last letter.
+const BOOTSTRAP: u64 = 0x626f_6f74_7374_7261;
+
+impl Bootstraps {
+    /// One for each of these numbers of runs.
+    pub fn new(runs: impl IntoIterator<Item = usize>, seed: u64) -> Bootstraps {
+        let stream = Stream::new(seed).fork(BOOTSTRAP);
+        let mut all = BTreeMap::new();
+        for runs in runs {
+            all.entry(runs).or_insert_with(|| Bootstrap::new(runs, stream));
+        }
+        Bootstraps(all)
+    }
+
+    /// [`Bootstrap::estimate`] over `runs` runs; `None` for a number that was not announced.
+    pub fn estimate(&self, runs: usize, statistic: impl Fn(&[usize]) -> f64) -> Option<Estimate> {
+        self.0.get(&runs)?.estimate(statistic)
     }
 }
 

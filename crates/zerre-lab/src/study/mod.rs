@@ -1,5 +1,7 @@
 //! Monte-Carlo studies: many independent jobs over threads, intervals over their runs, tables of the outcome.
 
+pub mod drive;
+pub mod experiment;
 pub mod interval;
 pub mod table;
 
