@@ -1,9 +1,12 @@
 //! Monte-Carlo studies: many independent jobs over threads, intervals over their runs, tables of the outcome.
 
+pub mod contender;
 pub mod drive;
 pub mod experiment;
 pub mod interval;
+pub mod marginal;
 pub mod table;
+pub mod world;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
