@@ -253,10 +253,11 @@ Examples:
   zerre reproduce                                   the papers
   zerre reproduce multiple-model --quick            a short version
   zerre reproduce multiple-model --table 6.1 --table 6.13
+  zerre reproduce bayes-family --table ungm         one world
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
-Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval, rmse-per-step.csv,
-report.html, run.json, and progress.json, which holds what is done and what --resume goes on from.";
+Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval, rmse-per-step.csv
+(multiple-model), report.html, run.json, and progress.json, which holds what is done and what --resume goes on from.";
 
 /// Do the experiments of a paper again; without a paper, list them
 #[derive(Clone, Debug, clap::Args)]
@@ -271,7 +272,7 @@ pub struct Reproduce {
     #[arg(long, value_name = "N", requires = "paper")]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
-    /// Numbers of particles instead of the paper's, separated by commas
+    /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's, separated by commas
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,

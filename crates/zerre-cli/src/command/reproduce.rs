@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
+use zerre_lab::paper::bayes_family::{self, BayesFamily};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
 use zerre_lab::paper::{PAPERS, Paper};
@@ -24,7 +25,11 @@ pub(super) fn run(args: &Reproduce, options: &Global, console: &Console) -> Resu
     if !names.contains(&name.as_str()) {
         return Err(unknown("paper", name, &names));
     }
-    multiple_model(args, options, console)
+    if name == bayes_family::PAPER.name {
+        bayes_family(args, options, console)
+    } else {
+        multiple_model(args, options, console)
+    }
 }
 
 /// Computes the experiments of a paper; `config` is what they depend on beside the seed.
@@ -121,6 +126,32 @@ fn multiple_model(args: &Reproduce, options: &Global, console: &Console) -> Resu
     let experiment = MultipleModel::new(request, options.seed);
     let what = (runs, config);
     reproduce(&multiple_model::PAPER, &experiment, multiple_model::SETTINGS, what, (args, options), console)
+}
+
+fn bayes_family(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let paper = &bayes_family::PAPER;
+    let mut request = bayes_family::Request::new(args.quick);
+    if !args.table.is_empty() {
+        let worlds = |name: &String| {
+            bayes_family::Request::worlds_of(name).ok_or_else(|| unknown("table", name, paper.tables))
+        };
+        request.worlds = args.table.iter().map(worlds).collect::<Result<Vec<_>, _>>()?.concat();
+        request.worlds.sort_unstable();
+        request.worlds.dedup();
+    }
+    if let Some(runs) = args.runs {
+        request.runs = runs.get() as usize;
+    }
+    if !args.particles.is_empty() {
+        request.budgets = args.particles.iter().map(|n| n.get() as usize).collect();
+        request.budgets.sort_unstable();
+        request.budgets.dedup();
+    }
+    let config = json!({ "worlds": request.worlds, "budgets": request.budgets });
+    let what = (request.runs, config);
+    let experiment =
+        BayesFamily::new(request, options.seed).map_err(|error| Diagnostic::new(error.to_string()))?;
+    reproduce(paper, &experiment, bayes_family::SETTINGS, what, (args, options), console)
 }
 
 /// The command line that gives this run again.

@@ -3,6 +3,7 @@
 pub mod contender;
 pub mod drive;
 pub mod experiment;
+pub mod front;
 pub mod interval;
 pub mod marginal;
 pub mod table;

@@ -307,7 +307,7 @@ impl Results<'_> {
         let text = |entry: &Entry| if let Entry::Text(text) = entry { text.clone() } else { String::new() };
         let rows = table.rows.iter().map(|row| {
             let pair = format!("{} → {}", text(&row[0]), text(&row[1]));
-            let mut shown: Vec<Shown> = vec![pair.as_str().into(), shown_entry(&row[2])];
+            let mut shown: Vec<Shown> = vec![pair.as_str().into(), Shown::from(&row[2])];
             shown.extend(row[3..].chunks(6).map(|cell| Shown {
                 text: format!("{}, {}", number(&cell[0]), number(&cell[4])),
                 aside: format!("thesis {}, {}", number(&cell[3]), number(&cell[5])),
@@ -407,17 +407,8 @@ fn with_printed(ours: Option<Estimate>, printed: Option<&Number>) -> Shown {
     shown
 }
 
-fn shown_entry(entry: &Entry) -> Shown {
-    match entry {
-        Entry::Text(text) => text.as_str().into(),
-        Entry::Count(count) => count.to_string().as_str().into(),
-        Entry::Number(value) => (*value).into(),
-        Entry::Missing => "–".into(),
-    }
-}
-
 fn whole(title: &str, table: &Table) -> Section {
-    let rows = table.rows.iter().map(|row| row.iter().map(shown_entry).collect()).collect();
+    let rows = table.rows.iter().map(|row| row.iter().map(Shown::from).collect()).collect();
     let grid = Grid { caption: table.about.clone(), head: table.head.clone(), rows };
     Section { title: title.to_owned(), tables: vec![grid], ..Section::default() }
 }

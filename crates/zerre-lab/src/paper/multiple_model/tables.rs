@@ -198,7 +198,7 @@ impl<'a> Results<'a> {
                 row.runs.into(),
             ]
         };
-        table("rows", "Every number of every cell", &head, self.rows().into_iter().map(row).collect())
+        Table::new("rows", "Every number of every cell", &head, self.rows().into_iter().map(row).collect())
     }
 
     /// Root mean square error at each step over the runs: equation 6.1 as its text has it.
@@ -221,7 +221,7 @@ impl<'a> Results<'a> {
                 rows.push(row);
             }
         }
-        table("rmse-per-step", "Error at each step over the runs", &head, rows)
+        Table::new("rmse-per-step", "Error at each step over the runs", &head, rows)
     }
 
     /// Tables 6.1 to 6.3 and 6.7 to 6.9.
@@ -461,7 +461,7 @@ impl<'a> Results<'a> {
             "p_holm",
             "rb_worse",
         ];
-        table("table-paired", &about, &head, rows)
+        Table::new("table-paired", &about, &head, rows)
     }
 
     /// Times and errors of filters that took turns, against algorithm 1.
@@ -521,7 +521,7 @@ impl<'a> Results<'a> {
             "rmse_ratio_low",
             "rmse_ratio_high",
         ];
-        Some(table("table-saving", about, &head, rows))
+        Some(Table::new("table-saving", about, &head, rows))
     }
 
     /// Steps and runs that did not go as planned, over all cells: steps whose measurement had no likelihood
@@ -544,13 +544,4 @@ pub(super) fn grid_cell(
     let wsms = if selects { wsms } else { Wsms::None };
     let (setting, reading) = (Setting::Reference, Reading::Equal);
     Cell { scenario, algorithm, wsms, setting, reading, particles, noise }
-}
-
-fn table(name: &str, about: &str, head: &[&str], rows: Vec<Vec<Entry>>) -> Table {
-    Table {
-        name: name.to_owned(),
-        about: about.to_owned(),
-        head: head.iter().map(|name| (*name).to_owned()).collect(),
-        rows,
-    }
 }
