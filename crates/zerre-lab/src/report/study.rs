@@ -255,9 +255,16 @@ impl Scale {
 
     /// Values to mark, with their labels.
     fn marks(&self, count: f64) -> Vec<(f64, String)> {
+        let linear = |low: f64, high: f64| {
+            let ticks = Ticks::between(low, high, count);
+            ticks.at.iter().map(|v| (*v, ticks.label(*v))).collect()
+        };
         if !self.logarithmic {
-            let ticks = Ticks::between(self.range.low, self.range.high, count);
-            return ticks.at.iter().map(|v| (*v, ticks.label(*v))).collect();
+            return linear(self.range.low, self.range.high);
+        }
+        // Within less than a factor of five, 1, 2 and 5 mark too little.
+        if self.range.span() < 0.7 {
+            return linear(10f64.powf(self.range.low), 10f64.powf(self.range.high));
         }
         let (first, last) = (self.range.low.floor() as i32, self.range.high.ceil() as i32);
         (first..=last)
@@ -363,6 +370,8 @@ fn marks(out: &mut String, marks: &[Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
     let mut taken: Vec<[f64; 3]> = Vec::new();
     let mut sorted: Vec<(&Mark, [f64; 2])> = marks.iter().map(|mark| (mark, at(mark.at))).collect();
     sorted.retain(|(_, [x, y])| x.is_finite() && y.is_finite());
+    taken.extend(sorted.iter().map(|(_, [x, y])| [x - 4.0, x + 4.0, y + 4.0]));
+    taken.sort_by(|a, b| a[2].total_cmp(&b[2]));
     sorted.sort_by(|a, b| a.1[1].total_cmp(&b.1[1]));
     for (mark, [x, y]) in sorted {
         let class = if mark.labelled { " class=\"front\"" } else { "" };

@@ -21,6 +21,8 @@ pub struct ContenderInfo {
     pub name: &'static str,
     /// What it is.
     pub about: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
     /// What a step costs.
     pub cost: Cost,
 }
@@ -34,25 +36,36 @@ pub enum Cost {
     PerParticle(fn(usize) -> usize),
 }
 
-const fn fixed(name: &'static str, about: &'static str, cost: fn(usize) -> usize) -> ContenderInfo {
-    ContenderInfo { name, about, cost: Cost::Fixed(cost) }
-}
-
-const fn sampled(name: &'static str, about: &'static str, cost: fn(usize) -> usize) -> ContenderInfo {
-    ContenderInfo { name, about, cost: Cost::PerParticle(cost) }
+const fn info(name: &'static str, about: &'static str, source: &'static str, cost: Cost) -> ContenderInfo {
+    ContenderInfo { name, about, source, cost }
 }
 
 /// The filters that take part, by name. A new one is a line here and an arm of [`run`]'s `match`.
 pub const CONTENDERS: &[ContenderInfo] = &[
-    fixed("kalman", "Kalman filter: exact for linear normal models, refuses others", |n| n + 1),
-    fixed("ekf", "extended Kalman filter: tangents at the mean", |n| n + 1),
-    fixed("ukf", "unscented Kalman filter: sigma points", |n| 2 * n + 1),
-    sampled("bootstrap", "particle filter that proposes by the motion", |_| 1),
-    sampled("sis", "particle filter that never resamples", |_| 1),
+    info(
+        "kalman",
+        "Kalman filter: exact for linear normal models, refuses others",
+        "Kalman 1960",
+        Cost::Fixed(|n| n + 1),
+    ),
+    info("ekf", "extended Kalman filter: tangents at the mean", "Jazwinski 1970", Cost::Fixed(|n| n + 1)),
+    info(
+        "ukf",
+        "unscented Kalman filter: sigma points",
+        "Julier and Uhlmann 2004",
+        Cost::Fixed(|n| 2 * n + 1),
+    ),
+    info(
+        "bootstrap",
+        "particle filter that proposes by the motion",
+        "Gordon, Salmond and Smith 1993",
+        Cost::PerParticle(|_| 1),
+    ),
+    info("sis", "particle filter that never resamples", "Handschin and Mayne 1969", Cost::PerParticle(|_| 1)),
 ];
 
 /// A filter with its budget.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contender {
     /// A name of [`CONTENDERS`].
     pub filter: &'static str,
@@ -158,6 +171,14 @@ impl Fate {
         match self {
             Fate::Ran(runs) => runs,
             Fate::DoesNotApply(_) => &[],
+        }
+    }
+
+    /// Why there are none.
+    pub fn refusal(&self) -> Option<&str> {
+        match self {
+            Fate::Ran(_) => None,
+            Fate::DoesNotApply(reason) => Some(reason),
         }
     }
 }

@@ -316,7 +316,9 @@ fn is_broken(found: &Measured) -> bool {
 }
 
 fn priced(found: &Measured) -> String {
-    found.microseconds.map_or_else(|| "not timed".to_owned(), |e| format!("{:.3} µs a step", e.value))
+    found
+        .microseconds
+        .map_or_else(|| "not timed".to_owned(), |e| format!("{} µs a step", Shown::from(e.value).text))
 }
 
 fn shown(estimate: Option<Estimate>) -> Shown {

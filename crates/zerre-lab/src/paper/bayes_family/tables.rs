@@ -89,10 +89,7 @@ impl<'a> Results<'a> {
 
     /// Why a filter has no runs.
     pub(super) fn refusal(&self, cell: &Cell) -> Option<&'a str> {
-        match self.outcomes.get(cell)? {
-            Fate::DoesNotApply(reason) => Some(reason),
-            Fate::Ran(_) => None,
-        }
+        self.outcomes.get(cell)?.refusal()
     }
 
     /// The runs of the truth of a cell.
