@@ -122,6 +122,8 @@ pub enum Command {
     Compare(Compare),
     /// Do the experiments of a paper again; without a paper, list them
     Reproduce(Reproduce),
+    /// Compare filters over a grid of worlds and settings
+    Study(Study),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {
@@ -138,13 +140,13 @@ pub enum Command {
     /// Print the JSON Schema of a configuration file
     #[command(after_help = SCHEMA)]
     Schema {
-        /// Kind of configuration: track, scenario
+        /// Kind of configuration: track, scenario, study
         kind: String,
     },
     /// Print a commented starter configuration
     #[command(after_help = INIT)]
     Init {
-        /// Kind of configuration: track, scenario
+        /// Kind of configuration: track, scenario, study
         #[arg(default_value = "track")]
         kind: String,
     },
@@ -253,10 +255,11 @@ Examples:
   zerre reproduce                                   the papers
   zerre reproduce multiple-model --quick            a short version
   zerre reproduce multiple-model --table 6.1 --table 6.13
+  zerre reproduce bayes-family --table ungm         one world
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
-Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval, rmse-per-step.csv,
-report.html, run.json, and progress.json, which holds what is done and what --resume goes on from.";
+Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval, rmse-per-step.csv
+(multiple-model), report.html, run.json, and progress.json, which holds what is done and what --resume goes on from.";
 
 /// Do the experiments of a paper again; without a paper, list them
 #[derive(Clone, Debug, clap::Args)]
@@ -271,13 +274,37 @@ pub struct Reproduce {
     #[arg(long, value_name = "N", requires = "paper")]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
-    /// Numbers of particles instead of the paper's, separated by commas
+    /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's, separated by commas
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,
     /// Every scenario, noise and method, but the smallest and the main number of particles only, and fewer runs
     #[arg(long, requires = "paper")]
     pub quick: bool,
+}
+
+const STUDY: &str = "\
+Examples:
+  zerre init study > study.toml && zerre study study.toml
+  zerre study study.toml --runs 20                  a short version
+  zerre study study.toml --resume                   go on where an interrupted run stopped
+  zerre catalog worlds
+  zerre catalog contenders
+
+Outputs in --out: results.csv and results.parquet with every run of every cell, ranking.csv, report.html with the
+ranking and error against cost, run.json, and progress.json, which holds what is done and what --resume goes on from.";
+
+/// Compare filters over a grid of worlds and settings
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = STUDY)]
+pub struct Study {
+    /// What to compare (`zerre init study` writes one)
+    #[arg(value_name = "F.toml")]
+    pub file: PathBuf,
+    /// Runs of each cell instead of the file's
+    #[arg(long, value_name = "N")]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
+    pub runs: Option<NonZeroU32>,
 }
 
 const BENCH: &str = "\
@@ -337,6 +364,7 @@ mod tests {
             "reproduce multiple-model --table 6.1 --table 6.13 --runs 5 --particles 50,60 --quick --resume",
             "bench --json --threads 2 --simd avx512",
             "catalog filters --json --quiet",
+            "study f.toml --runs 5 --resume",
             "schema scenario",
             "init --log debug",
         ] {
@@ -351,7 +379,8 @@ mod tests {
             "track a --format gpx",
             "reproduce --quick",
             "reproduce multiple-model --runs 0",
-            "study f",
+            "study",
+            "study f --runs 0",
         ] {
             let words = std::iter::once("zerre").chain(line.split(' '));
             assert!(Args::try_parse_from(words).is_err(), "{line}");

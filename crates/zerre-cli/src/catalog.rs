@@ -6,6 +6,8 @@ use zerre_io::{COLUMNS, Column, Format};
 use zerre_lab::metric::{METRICS, MetricInfo};
 use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::scenario::{Named, SCENARIOS};
+use zerre_lab::study::contender::{CONTENDERS, ContenderInfo};
+use zerre_lab::study::world::{WORLDS, WorldInfo};
 
 /// One thing that can be named on the command line or in a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -53,12 +55,17 @@ pub fn all() -> Vec<Entry> {
     let metric = |m: &MetricInfo| Entry { kind: "metrics", name: m.name, about: m.about, source: m.source };
     let scenario = |s: &Named| Entry { kind: "scenarios", name: s.name, about: s.about, source: s.source };
     let paper = |p: &Paper| Entry { kind: "papers", name: p.name, about: p.about, source: p.source };
+    let world = |w: &WorldInfo| Entry { kind: "worlds", name: w.name, about: w.about, source: w.source };
+    let contender =
+        |c: &ContenderInfo| Entry { kind: "contenders", name: c.name, about: c.about, source: c.source };
     let format = |&(_, name, about): &(Format, _, _)| Entry { kind: "formats", name, about, source: "" };
     let column = |c: &Column| Entry { kind: "columns", name: c.name, about: c.about, source: "" };
     of_library
         .chain(METRICS.iter().map(metric))
         .chain(SCENARIOS.iter().map(scenario))
         .chain(PAPERS.iter().map(paper))
+        .chain(WORLDS.iter().map(world))
+        .chain(CONTENDERS.iter().map(contender))
         .chain(Format::ALL.iter().map(format))
         .chain(COLUMNS.iter().map(column))
         .collect()

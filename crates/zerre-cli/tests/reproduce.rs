@@ -32,7 +32,8 @@ fn folder(name: &str) -> PathBuf {
 
 /// The rows without times, which differ from run to run.
 fn estimates(document: &Value) -> Vec<&Value> {
-    document["rows"].as_array().unwrap().iter().filter(|row| row["metric"] != "seconds").collect()
+    let is_time = |row: &Value| row["metric"] == "seconds" || row["metric"] == "microseconds_per_step";
+    document["rows"].as_array().unwrap().iter().filter(|row| !is_time(row)).collect()
 }
 
 #[test]
@@ -40,10 +41,12 @@ fn papers_are_listed_and_unknown_ones_refused() {
     let here = folder("list");
     let list = json(&here, "reproduce");
     assert_eq!(list["papers"][0]["name"], "multiple-model");
+    assert_eq!(list["papers"][1]["name"], "bayes-family");
     for (line, word) in [
         ("reproduce multiple-modle", "multiple-model"),
         ("reproduce multiple-model --table 7.1", "7.1"),
         ("reproduce multiple-model --table 6.14", "6.14"),
+        ("reproduce bayes-family --table growth", "growth-q1"),
     ] {
         let output = zerre(&here, line);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -133,7 +136,12 @@ fn everything_is_written_and_threads_change_nothing_but_times() {
         assert!(fs::read_to_string(out.join(format!("{name}.csv"))).unwrap().lines().count() > 4, "{name}");
     }
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    for text in ["STANDARD DEVIATIONS", "Suspect in print", "Probabilities of the modes", "Scenario 3"] {
+    for text in [
+        "STANDARD DEVIATIONS",
+        "Printed cells that cannot be right",
+        "Probabilities of the modes",
+        "Scenario 3",
+    ] {
         assert!(page.contains(text), "{text}");
     }
     let record: Value = serde_json::from_str(&fs::read_to_string(out.join("run.json")).unwrap()).unwrap();
@@ -156,6 +164,62 @@ fn another_seed_moves_every_cell() {
     let (first, second) = (errors(&first), errors(&second));
     assert!(first.len() == second.len() && first.len() >= 2 * 20);
     assert!(first.iter().zip(&second).all(|(a, b)| a != b));
+}
+
+/// Two worlds with few particles: columns, the exact filter, filters that do not apply, threads and seeds.
+#[test]
+fn the_bayesian_family_is_compared_world_by_world() {
+    let here = folder("family");
+    let line = "reproduce bayes-family --table linear --table ungm --runs 3 --particles 10,50";
+    let first = json(&here, &format!("{line} --threads 1 --out one"));
+    let second = json(&here, &format!("{line} --threads 2 --out two"));
+    assert_eq!(first["estimates_digest"], second["estimates_digest"]);
+    assert_eq!(estimates(&first), estimates(&second));
+    let rows = first["rows"].as_array().unwrap();
+    for row in rows {
+        for key in ["world", "filter", "evaluations", "metric", "statistic", "particles", "setting", "runs"] {
+            assert!(!row[key].is_null(), "{key}: {row}");
+        }
+        assert!(row["paper_value"].is_null());
+        let number = |key: &str| row[key].as_f64().unwrap();
+        assert!(number("low") <= number("high") && number("value") >= 0.0, "{row}");
+    }
+    let value = |world: &str, filter: &str, metric: &str| {
+        let wanted =
+            |row: &&Value| row["world"] == world && row["filter"] == filter && row["metric"] == metric;
+        rows.iter().filter(wanted).map(|row| row["value"].as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    for metric in [
+        "rmse",
+        "crps",
+        "coverage90",
+        "evidence_error",
+        "failures",
+        "microseconds_per_step",
+        "rmse_ratio",
+        "crps_ratio",
+    ] {
+        assert!(!value("linear", "bootstrap", metric).is_empty(), "{metric}");
+    }
+    // The extended filter is the exact one where all is linear; the exact one is refused elsewhere.
+    assert!(value("linear", "ekf", "rmse_ratio").iter().all(|ratio| (ratio - 1.0).abs() < 1e-9));
+    assert!(value("ungm", "kalman", "rmse").is_empty());
+    let table = fs::read_to_string(here.join("one/table-ungm.csv")).unwrap();
+    assert!(table.lines().any(|line| line.starts_with("kalman") && line.contains("not for")), "{table}");
+    for name in ["table-linear", "table-2.1", "table-2.2", "rows"] {
+        assert!(here.join(format!("one/{name}.csv")).exists(), "{name}");
+    }
+    let page = fs::read_to_string(here.join("one/report.html")).unwrap();
+    for text in ["Which filter to take", "insensitive to processes of high order", "does not apply"] {
+        assert!(page.contains(text), "{text}");
+    }
+    let other = json(&here, &format!("{line} --seed 2 --out other"));
+    let errors = |document: &Value| -> Vec<f64> {
+        let rows = document["rows"].as_array().unwrap().iter().filter(|row| row["metric"] == "rmse");
+        rows.map(|row| row["value"].as_f64().unwrap()).collect()
+    };
+    let (a, b) = (errors(&first), errors(&other));
+    assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a != b));
 }
 
 /// A run that is stopped keeps what it has; going on gives what an undisturbed run gives.

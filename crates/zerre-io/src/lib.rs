@@ -2,7 +2,7 @@
 //!
 //! A table is read row by row ([`TableReader`]) or whole and in order of time ([`Recording`]); its columns are the
 //! list [`COLUMNS`], and tables with their own column names are [`Format`]s over the same reader. Estimates and
-//! truth are [`Trajectories`], results are a [`TrackTable`], and every file appears whole or not at all
+//! truth are [`Trajectories`], results are a [`TrackTable`] or columns ([`write_results`]), and every file appears whole or not at all
 //! ([`write_atomically`]).
 //!
 //! ```
@@ -20,6 +20,7 @@ mod error;
 mod formats;
 mod geo;
 mod header;
+mod results;
 mod rows;
 mod table;
 mod tracks;
@@ -31,6 +32,7 @@ pub use error::{Error, Result};
 pub use formats::Format;
 pub use geo::{Geodetic, LocalFrame};
 pub use header::Ignored;
+pub use results::{Values, write_results};
 pub use rows::{Counts, MAX_LINE_BYTES, Options, Rejection, Summary};
 pub use table::{Recording, TableReader};
 pub use tracks::{Component, LikelyMode, TrackCsv, TrackRow, TrackTable, Unit};

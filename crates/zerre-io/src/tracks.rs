@@ -171,13 +171,7 @@ impl TrackTable {
     /// # Errors
     /// Those of `out`.
     pub fn write_parquet(&self, out: impl Write + Send) -> io::Result<()> {
-        self.parquet(out).map_err(|error| match error {
-            ParquetError::External(inner) => match inner.downcast::<io::Error>() {
-                Ok(error) => *error,
-                Err(other) => io::Error::other(other),
-            },
-            other => io::Error::other(other),
-        })
+        self.parquet(out).map_err(refused)
     }
 
     fn parquet(&self, out: impl Write + Send) -> ParquetResult<()> {
@@ -361,7 +355,19 @@ fn check(components: &[Component], modes: bool, row: &TrackRow) -> Result<()> {
     }
 }
 
-fn leaf(
+/// The error of the system behind one of the format.
+pub(crate) fn refused(error: ParquetError) -> io::Error {
+    match error {
+        ParquetError::External(inner) => match inner.downcast::<io::Error>() {
+            Ok(error) => *error,
+            Err(other) => io::Error::other(other),
+        },
+        other => io::Error::other(other),
+    }
+}
+
+/// A column of the schema.
+pub(crate) fn leaf(
     name: &str,
     physical: Physical,
     converted: ConvertedType,
@@ -372,7 +378,7 @@ fn leaf(
 }
 
 /// Writes the next column of the group.
-fn column<T: DataType, W: Write + Send>(
+pub(crate) fn column<T: DataType, W: Write + Send>(
     group: &mut SerializedRowGroupWriter<'_, W>,
     values: Vec<T::T>,
     present: Option<Vec<i16>>,

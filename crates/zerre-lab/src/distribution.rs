@@ -45,6 +45,26 @@ pub(crate) fn student_tail(t: f64, degrees: f64) -> f64 {
     if t < 0.0 { 1.0 - tail } else { tail }
 }
 
+/// The t with P(T <= t) = `probability` (at least 1/2, below 1) of Student's t, by bisection of [`student_tail`].
+pub(crate) fn student_quantile(probability: f64, degrees: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    while student_tail(high, degrees) > 1.0 - probability && high < 1e300 {
+        (low, high) = (high, 2.0 * high);
+    }
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if student_tail(middle, degrees) > 1.0 - probability {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
 /// The x with P(X <= x) = `probability` (inside (0, 1)) of a standard normal variable.
 pub(crate) fn normal_quantile(probability: f64) -> f64 {
     Normal::standard().inverse_cdf(probability)

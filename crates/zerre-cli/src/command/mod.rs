@@ -3,10 +3,12 @@
 mod bench;
 mod catalog;
 mod compare;
+mod experiment;
 mod init;
 mod reproduce;
 mod schema;
 mod simulate;
+mod study;
 mod track;
 
 use crate::Exit;
@@ -19,7 +21,7 @@ use crate::diagnostic::{Diagnostic, suggest};
 /// # Errors
 /// What went wrong, with the exit code in it.
 pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
-    if args.global.resume && !matches!(args.command, Command::Reproduce(_)) {
+    if args.global.resume && !matches!(args.command, Command::Reproduce(_) | Command::Study(_)) {
         return Err(Diagnostic::usage("nothing here resumes: this command starts anew each time")
             .help("leave --resume out"));
     }
@@ -31,6 +33,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Simulate(of) => simulate::run(of, &args.global, console),
         Command::Compare(of) => compare::run(of, &args.global, console),
         Command::Reproduce(of) => reproduce::run(of, &args.global, console),
+        Command::Study(of) => study::run(of, &args.global, console),
         Command::Bench { quick } => bench::run(&args.global, *quick, console),
     }
 }

@@ -3,15 +3,17 @@
 use super::track::TrackConfig;
 use schemars::{Schema, schema_for};
 use zerre_lab::scenario::Scenario;
+use zerre_lab::study::spec::Spec;
 
 /// Kinds of configuration that there are.
-pub const KINDS: [&str; 2] = ["track", "scenario"];
+pub const KINDS: [&str; 3] = ["track", "scenario", "study"];
 
 /// The commented starter file of a kind.
 pub fn starter(kind: &str) -> Option<&'static str> {
     match kind {
         "track" => Some(include_str!("track.toml")),
         "scenario" => Some(include_str!("scenario.toml")),
+        "study" => Some(include_str!("study.toml")),
         _ => None,
     }
 }
@@ -21,6 +23,7 @@ pub fn schema(kind: &str) -> Option<Schema> {
     match kind {
         "track" => Some(schema_for!(TrackConfig)),
         "scenario" => Some(schema_for!(Scenario)),
+        "study" => Some(schema_for!(Spec)),
         _ => None,
     }
 }
@@ -66,6 +69,22 @@ mod tests {
         let schema = serde_json::to_value(schema("scenario").unwrap()).unwrap();
         for key in schema["properties"].as_object().unwrap().keys() {
             assert!(starter("scenario").unwrap().contains(key.as_str()), "{key} is not in the starter");
+        }
+    }
+
+    #[test]
+    fn the_starter_of_a_study_is_one_and_shows_every_key() {
+        let text = starter("study").unwrap();
+        let spec: Spec = Source::new("study.toml", text).parse().unwrap();
+        assert!(spec.comparison(1).is_ok());
+        let schema = serde_json::to_value(schema("study").unwrap()).unwrap();
+        let table: toml::Value = toml::from_str(text).unwrap();
+        assert!(accepts(&schema, &schema, &table));
+        assert!(!accepts(&schema, &schema, &toml::from_str("[[filter]]\nother = 1").unwrap()));
+        for table in schema["$defs"].as_object().unwrap().values().chain([&schema]) {
+            for key in table["properties"].as_object().into_iter().flat_map(|keys| keys.keys()) {
+                assert!(text.contains(key.as_str()), "{key} is not in the starter");
+            }
         }
     }
 

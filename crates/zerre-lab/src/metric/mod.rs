@@ -14,6 +14,7 @@ mod rmse;
 
 pub use coverage::{Coverage, coverage, wilson_interval};
 pub use crps::{crps_gaussian, crps_sample};
+pub(crate) use crps::{crps_mixture, crps_sorted};
 pub use gospa::{Gospa, gospa};
 pub(crate) use median_error::median;
 pub use median_error::median_error;

@@ -1,5 +1,6 @@
 //! Experiments of published papers, done again: our numbers beside the printed ones.
 
+pub mod bayes_family;
 pub mod multiple_model;
 
 /// One paper, as lists show it.
@@ -16,4 +17,4 @@ pub struct Paper {
 }
 
 /// The papers whose experiments are here.
-pub const PAPERS: &[Paper] = &[multiple_model::PAPER];
+pub const PAPERS: &[Paper] = &[multiple_model::PAPER, bayes_family::PAPER];

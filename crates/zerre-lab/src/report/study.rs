@@ -1,6 +1,7 @@
 //! A study on one page: what was asked, tables with intervals, line charts. It needs no network and no script.
 
 use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, readable};
+use crate::study::table::Entry;
 use std::fmt::Write as _;
 
 /// The page.
@@ -73,6 +74,17 @@ impl From<Option<f64>> for Shown {
     }
 }
 
+impl From<&Entry> for Shown {
+    fn from(entry: &Entry) -> Shown {
+        match entry {
+            Entry::Text(text) => text.as_str().into(),
+            Entry::Count(count) => count.to_string().as_str().into(),
+            Entry::Number(value) => (*value).into(),
+            Entry::Missing => "–".into(),
+        }
+    }
+}
+
 /// Lines over two axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figure {
@@ -86,8 +98,23 @@ pub struct Figure {
     pub logarithmic: bool,
     /// A length along x is one along y: a map.
     pub map: bool,
+    /// The horizontal axis is logarithmic.
+    pub logarithmic_x: bool,
     /// What is drawn, from back to front.
     pub series: Vec<Series>,
+    /// Single points with names, on top.
+    pub marks: Vec<Mark>,
+}
+
+/// A named point of a [`Figure`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mark {
+    /// Where it is.
+    pub at: [f64; 2],
+    /// Its name, shown when it is pointed at.
+    pub name: String,
+    /// Its name stands beside it.
+    pub labelled: bool,
 }
 
 /// One line of a [`Figure`].
@@ -118,7 +145,8 @@ const STYLE: &str = ".study .charts{grid-template-columns:repeat(auto-fill,minma
 .study table{font-size:13.5px;margin:0 0 8px}.study caption{text-align:left;color:var(--muted);padding:12px 0 6px}\
 .study ul.points{max-width:76ch;padding-left:20px;margin:0 0 12px}.study ul.points li{margin:0 0 6px}\
 .study .chart svg .tick text{font-size:12px}svg .reference{stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 3;opacity:.8}\
-svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
+.study .chart svg circle{fill:var(--muted);opacity:.55}.study .chart svg circle.front{fill:var(--c0);opacity:1}\
+.study .chart svg .names text{font-size:11.5px;fill:var(--ink)}svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
 
 /// The whole document.
 pub fn render(report: &StudyReport) -> String {
@@ -227,9 +255,16 @@ impl Scale {
 
     /// Values to mark, with their labels.
     fn marks(&self, count: f64) -> Vec<(f64, String)> {
+        let linear = |low: f64, high: f64| {
+            let ticks = Ticks::between(low, high, count);
+            ticks.at.iter().map(|v| (*v, ticks.label(*v))).collect()
+        };
         if !self.logarithmic {
-            let ticks = Ticks::between(self.range.low, self.range.high, count);
-            return ticks.at.iter().map(|v| (*v, ticks.label(*v))).collect();
+            return linear(self.range.low, self.range.high);
+        }
+        // Within less than a factor of five, 1, 2 and 5 mark too little.
+        if self.range.span() < 0.7 {
+            return linear(10f64.powf(self.range.low), 10f64.powf(self.range.high));
         }
         let (first, last) = (self.range.low.floor() as i32, self.range.high.ceil() as i32);
         (first..=last)
@@ -248,8 +283,10 @@ fn log10(value: f64) -> f64 {
 fn figure(out: &mut String, figure: &Figure) {
     let height = if figure.map { MAP_HEIGHT } else { HEIGHT };
     let (wide, high) = (WIDTH - LEFT - RIGHT, height - TOP - BOTTOM);
-    let all = |k: usize| figure.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
-    let mut x = Scale::over(all(0), if figure.map { 0.05 } else { 0.0 }, false);
+    let lines = |k: usize| figure.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
+    let all = |k: usize| lines(k).chain(figure.marks.iter().map(move |mark| mark.at[k]));
+    let margin = if figure.map || !figure.marks.is_empty() { 0.05 } else { 0.0 };
+    let mut x = Scale::over(all(0), margin, figure.logarithmic_x);
     let mut y = Scale::over(all(1), 0.06, figure.logarithmic);
     if figure.map {
         // The axis with room to spare is widened until a length is the same along both.
@@ -321,7 +358,48 @@ fn figure(out: &mut String, figure: &Figure) {
             Escaped(&series.name)
         );
     }
+    marks(out, &figure.marks, at);
     let _ = write!(out, "</svg><ul class=\"key\">{key}</ul></figure>");
+}
+
+/// Draws the marks; names move down until they cover no other.
+fn marks(out: &mut String, marks: &[Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
+    const FONT: f64 = 11.5;
+    const LINE: f64 = 12.5;
+    let mut names = String::new();
+    let mut taken: Vec<[f64; 3]> = Vec::new();
+    let mut sorted: Vec<(&Mark, [f64; 2])> = marks.iter().map(|mark| (mark, at(mark.at))).collect();
+    sorted.retain(|(_, [x, y])| x.is_finite() && y.is_finite());
+    taken.extend(sorted.iter().map(|(_, [x, y])| [x - 4.0, x + 4.0, y + 4.0]));
+    taken.sort_by(|a, b| a[2].total_cmp(&b[2]));
+    sorted.sort_by(|a, b| a.1[1].total_cmp(&b.1[1]));
+    for (mark, [x, y]) in sorted {
+        let class = if mark.labelled { " class=\"front\"" } else { "" };
+        let _ = write!(
+            out,
+            "<circle{class} cx=\"{}\" cy=\"{}\" r=\"3.5\"><title>{}</title></circle>",
+            At(x),
+            At(y),
+            Escaped(&mark.name)
+        );
+        if !mark.labelled {
+            continue;
+        }
+        let wide = 0.56 * FONT * mark.name.chars().count() as f64;
+        let left = if x + 7.0 + wide < WIDTH - 2.0 { x + 7.0 } else { x - 7.0 - wide };
+        let mut down = y + 4.0;
+        for [a, b, line] in &taken {
+            if left < *b && left + wide > *a && (down - line).abs() < LINE {
+                down = line + LINE;
+            }
+        }
+        taken.push([left, left + wide, down]);
+        taken.sort_by(|a, b| a[2].total_cmp(&b[2]));
+        let _ = write!(names, "<text x=\"{}\" y=\"{}\">{}</text>", At(left), At(down), Escaped(&mark.name));
+    }
+    if !names.is_empty() {
+        let _ = write!(out, "<g class=\"names\">{names}</g>");
+    }
 }
 
 fn about_the_middle(range: Range, span: f64) -> Range {
@@ -345,7 +423,11 @@ mod tests {
             y: "km".into(),
             logarithmic: true,
             map: false,
+            logarithmic_x: true,
             series: vec![line("a", &[0.1, 1.0, -3.0, 10.0]), line("b", &[f64::NAN; 3])],
+            marks: [1.0, -1.0, f64::NAN]
+                .map(|v| Mark { at: [v, 2.0], name: "m".into(), labelled: true })
+                .to_vec(),
         };
         let doubtful = Shown { doubt: Some("a copy".into()), ..Shown::from(0.5) };
         StudyReport {

@@ -1,6 +1,7 @@
 //! What a finite number of runs says: bootstrap intervals, paired comparisons, and many of them at once.
 
-use crate::distribution::student_tail;
+use crate::distribution::{student_quantile, student_tail};
+use std::collections::BTreeMap;
 use zerre::rng::{Purpose, Stream};
 
 /// A value with the ends of its 95 % interval.
@@ -50,6 +51,47 @@ impl Bootstrap {
         let at = |share: f64| values[(share * last as f64).round() as usize];
         Some(Estimate { value, low: at(0.025), high: at(0.975) })
     }
+}
+
+/// Bootstraps for columns of several lengths.
+#[derive(Clone, Debug)]
+pub struct Bootstraps(BTreeMap<usize, Bootstrap>);
+
+/// Label of their stream: "bootstrap" in ASCII, less its last letter.
+const BOOTSTRAP: u64 = 0x626f_6f74_7374_7261;
+
+impl Bootstraps {
+    /// One for each of these numbers of runs.
+    pub fn new(runs: impl IntoIterator<Item = usize>, seed: u64) -> Bootstraps {
+        let stream = Stream::new(seed).fork(BOOTSTRAP);
+        let mut all = BTreeMap::new();
+        for runs in runs {
+            all.entry(runs).or_insert_with(|| Bootstrap::new(runs, stream));
+        }
+        Bootstraps(all)
+    }
+
+    /// [`Bootstrap::estimate`] over `runs` runs; `None` for a number that was not announced.
+    pub fn estimate(&self, runs: usize, statistic: impl Fn(&[usize]) -> f64) -> Option<Estimate> {
+        self.0.get(&runs)?.estimate(statistic)
+    }
+}
+
+/// Mean with its 95 % interval by Student's t; of a single value the interval is the value. `None` of none, and where
+/// a value is no number.
+pub fn mean_interval(values: &[f64]) -> Option<Estimate> {
+    let n = values.len() as f64;
+    let value = values.iter().sum::<f64>() / n;
+    if !value.is_finite() {
+        return None;
+    }
+    let squares: f64 = values.iter().map(|v| (v - value) * (v - value)).sum();
+    let half = if values.len() < 2 {
+        0.0
+    } else {
+        student_quantile(0.975, n - 1.0) * (squares / (n - 1.0) / n).sqrt()
+    };
+    Some(Estimate { value, low: value - half, high: value + half })
 }
 
 /// Mean of the picked values; NaN of none.
@@ -136,6 +178,19 @@ mod tests {
         // The incomplete beta function of statrs is good to about 1e-10.
         assert!((found.p_greater - (0.5 - t / (2.0 * (2.0 + t * t).sqrt()))).abs() < 1e-9);
         assert!(paired(&[1.0]).is_none() && paired(&[2.0, 2.0]).is_none());
+    }
+
+    /// Values 1, 2, 3: standard error 1 / sqrt 3; the quantile at 97.5 % of two degrees of freedom solves
+    /// t^2 = 2 (2p - 1)^2 / (1 - (2p - 1)^2).
+    #[test]
+    fn the_interval_of_a_mean_is_students() {
+        let share = 0.95 * 0.95;
+        let half = (2.0 * share / (1.0 - share)).sqrt() / 3f64.sqrt();
+        let found = mean_interval(&[1.0, 2.0, 3.0]).unwrap();
+        assert!((found.value - 2.0).abs() < 1e-15);
+        assert!((found.high - 2.0 - half).abs() < 1e-8 && (2.0 - found.low - half).abs() < 1e-8, "{found:?}");
+        assert_eq!(mean_interval(&[4.0]), Some(Estimate { value: 4.0, low: 4.0, high: 4.0 }));
+        assert!(mean_interval(&[]).is_none() && mean_interval(&[f64::NAN]).is_none());
     }
 
     /// The bootstrap law of the mean of two runs 0 and 1 is binomial: 0, 1/2 and 1 with probabilities 1/4, 1/2, 1/4.

@@ -1,7 +1,16 @@
 //! Monte-Carlo studies: many independent jobs over threads, intervals over their runs, tables of the outcome.
 
+pub mod comparison;
+pub mod contender;
+pub mod drive;
+pub mod experiment;
+pub mod front;
 pub mod interval;
+pub mod marginal;
+mod page;
+pub mod spec;
 pub mod table;
+pub mod world;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;

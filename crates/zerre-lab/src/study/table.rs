@@ -59,6 +59,16 @@ pub struct Table {
 }
 
 impl Table {
+    /// A table from its parts.
+    pub fn new(name: &str, about: &str, head: &[&str], rows: Vec<Vec<Entry>>) -> Table {
+        Table {
+            name: name.to_owned(),
+            about: about.to_owned(),
+            head: head.iter().map(|name| (*name).to_owned()).collect(),
+            rows,
+        }
+    }
+
     /// The table as CSV (RFC 4180): numbers so that they read back to the same bits, nothing where nothing is known.
     pub fn csv(&self) -> String {
         let mut out = String::new();

@@ -1,18 +1,18 @@
 //! The filters that are compared, by the names of the tables, and one run of one of them.
 
-use super::scenarios::{SCENARIOS, STEPS, Scenario, World, times};
+use super::scenarios::{SCENARIOS, Scenario, World, times};
 use super::settings::{NOISES, Setting};
-use cpu_time::ThreadTime;
+use crate::study::drive::drive;
 use serde::{Deserialize, Serialize};
+use zerre::Result;
 use zerre::belief::ModalGaussian;
 use zerre::filter::{
-    AfterResampling, Filter, ImmExtended, ImmParticle, ImmUnscented, ModalSettings, MultipleModel, Outcome,
-    Output, RaoBlackwell, Rule, ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
+    AfterResampling, Filter, ImmExtended, ImmParticle, ImmUnscented, ModalSettings, MultipleModel, Output,
+    RaoBlackwell, Rule, ScaledResidual, SigmaPoints, Tangent, Unscented, Wsms as Selection,
 };
 use zerre::model::jump::MAX_MODES;
 use zerre::resample::Resampling;
 use zerre::rng::Stream;
-use zerre::{Result, Time};
 
 /// A filter, by its name in the tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
@@ -238,7 +238,7 @@ impl Glance {
 }
 
 /// Runs `filter` through `world`. A filter that refuses a step is lost: its last estimate stands to the end.
-fn drive<F>(
+fn follow<F>(
     filter: &F,
     world: &World,
     stream: Stream,
@@ -247,20 +247,13 @@ fn drive<F>(
 where
     F: Filter<Measurement = [f64; 2]>,
 {
-    let mut run = Run::default();
-    let mut glances = Vec::with_capacity(STEPS);
-    let since = ThreadTime::now();
-    let mut belief = filter.start(Time::ZERO, stream)?;
-    for (at, z) in times().skip(1).zip(&world.measured) {
-        let seen = filter.step(&mut belief, at, Some(z)).and_then(|update| Ok((update, see(&belief)?)));
-        let Ok((update, glance)) = seen else { break };
-        if !glance.place.iter().all(|p| p.is_finite()) {
-            break;
-        }
-        run.degenerate += usize::from(update.outcome == Outcome::Degenerate);
-        glances.push(glance);
-    }
-    run.seconds = since.elapsed().as_secs_f64();
+    let record = times().skip(1).zip(&world.measured);
+    let driven = drive(filter, record, stream, |belief, _| {
+        let glance = see(belief)?;
+        Ok(glance.place.iter().all(|p| p.is_finite()).then_some(glance))
+    })?;
+    let mut run = Run { seconds: driven.seconds, degenerate: driven.degenerate, ..Run::default() };
+    let glances = driven.seen;
     run.lost = world.truth.len() - glances.len();
     let start = world.prior.mean();
     let mut place = [start[0], start[1]];
@@ -322,7 +315,7 @@ pub fn contend(cell: &Cell, seed: u64, run: usize) -> Result<Run> {
                 Wsms::SemiDynamic => filter.with_selection(rules(Rule::semi_dynamic()))?,
                 Wsms::Dynamic => filter.with_selection(rules(Rule::Dynamic))?,
             };
-            drive(&filter, &world, stream, |belief| {
+            follow(&filter, &world, stream, |belief| {
                 let computed = belief.models_computed();
                 let glance = Glance::new(&belief.estimate(), computed * cell.particles);
                 let single = computed == 1 && models > 1;
@@ -331,28 +324,28 @@ pub fn contend(cell: &Cell, seed: u64, run: usize) -> Result<Run> {
         }
         Algorithm::ImmUkf => {
             let filter = ImmUnscented::new(points, model, sensor, prior)?;
-            drive(&filter, &world, stream, |belief| gaussians(belief, models))
+            follow(&filter, &world, stream, |belief| gaussians(belief, models))
         }
         Algorithm::ImmEkf => {
             let filter = ImmExtended::new(Tangent, model, sensor, prior)?;
-            drive(&filter, &world, stream, |belief| gaussians(belief, models))
+            follow(&filter, &world, stream, |belief| gaussians(belief, models))
         }
         Algorithm::RbMmpf => {
             let filter = RaoBlackwell::new(points, model, sensor, prior, cell.particles)?;
-            drive(&filter, &world, stream, |belief| {
+            follow(&filter, &world, stream, |belief| {
                 let glance = Glance::new(&belief.mean(), belief.len());
                 Ok(glance.with_modes((0..models).map(|mode| belief.probability(mode))))
             })
         }
         Algorithm::ImmPf => {
             let filter = ImmParticle::new(prior, model, sensor, multinomial(cell.particles))?;
-            drive(&filter, &world, stream, |cloud| {
+            follow(&filter, &world, stream, |cloud| {
                 Ok(Glance::new(&cloud.mean(), cell.particles).with_modes(cloud.probabilities()))
             })
         }
         Algorithm::KnownModeUkf => {
             let filter = Unscented::new(assumed.script(scenario)?, sensor, prior, points)?;
-            drive(&filter, &world, stream, |belief| Ok(Glance::new(belief.state.mean(), 1)))
+            follow(&filter, &world, stream, |belief| Ok(Glance::new(belief.state.mean(), 1)))
         }
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! A [`Request`] names tables; from it follow [`Cell`]s, the work of one filter in one place of the grid. Each gives an
 //! [`Outcome`], which depends on the cell, the number of runs and the seed alone. [`Results`] makes rows, tables and
-//! the report of them.
+//! the report of them. [`MultipleModel`] is all of that as an [`Experiment`].
 
 pub mod contenders;
 mod printed;
@@ -14,10 +14,10 @@ mod tables;
 
 pub use contenders::{Algorithm, Cell, Reading, Wsms};
 pub use printed::Damaged;
-pub use report::Provenance;
 pub use tables::{Results, Row};
 
 use super::Paper;
+use crate::study::experiment::{Experiment, Finished, Mishap, SettingsFile};
 use contenders::{Run, contend};
 use scenarios::{SCENARIOS, STEPS};
 use serde::{Deserialize, Serialize};
@@ -261,21 +261,6 @@ impl Outcome {
     }
 }
 
-/// Does the `runs` runs of a cell; `None` if `stop` says so meanwhile.
-///
-/// # Errors
-/// Settings that the library refuses: none of those here.
-pub fn work(cell: &Cell, runs: usize, seed: u64, stop: impl Fn() -> bool) -> zerre::Result<Option<Outcome>> {
-    let mut outcome = Outcome::default();
-    for run in 0..runs {
-        if stop() {
-            return Ok(None);
-        }
-        outcome.add(contend(cell, seed, run)?, runs);
-    }
-    Ok(Some(outcome))
-}
-
 /// Times of filters that took turns on the same measurements, in one thread.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Saving {
@@ -289,53 +274,121 @@ pub struct Saving {
 /// The scenarios in which filters have four models.
 const FOUR_MODELS: [usize; 2] = [1, 2];
 
-/// Runs every filter whose time is compared on the same measurements, one after the other in turn; `None` if `stop`
-/// says so meanwhile, `done` is told of each round.
-///
-/// # Errors
-/// As [`work`].
-pub fn saving(
-    request: &Request,
-    seed: u64,
-    stop: impl Fn() -> bool,
-    mut done: impl FnMut(u64),
-) -> zerre::Result<Option<Saving>> {
-    let particles = request.main_particles();
-    let of = |algorithm, wsms| {
-        let (setting, reading) = (Setting::Reference, Reading::Equal);
-        Cell { scenario: FOUR_MODELS[0], algorithm, wsms, setting, reading, particles, noise: 0 }
-    };
-    let mut filters: Vec<Cell> =
-        [Algorithm::Alg1, Algorithm::Alg2, Algorithm::Alg3].map(|a| of(a, Wsms::None)).to_vec();
-    for wsms in [Wsms::SemiDynamic, Wsms::Dynamic] {
-        filters.extend([Algorithm::Alg2Wsms, Algorithm::Alg3Wsms].map(|a| of(a, wsms)));
-    }
-    filters.push(of(Algorithm::ImmPf, Wsms::None));
-    let mut runs = vec![vec![Vec::new(); filters.len()]; NOISES.len()];
-    for run in 0..saving_runs(request) {
-        for scenario in FOUR_MODELS {
-            for (noise, columns) in runs.iter_mut().enumerate() {
-                for (cell, column) in filters.iter().zip(columns) {
-                    if stop() {
-                        return Ok(None);
-                    }
-                    let seen = contend(&Cell { scenario, noise, ..*cell }, seed, run)?;
-                    let mse = seen.squares.iter().sum::<f64>() / seen.squares.len() as f64;
-                    column.push((mse, seen.seconds));
-                }
-                done(1);
-            }
-        }
-    }
-    Ok(Some(Saving { filters, runs }))
-}
-
-/// Rounds of [`saving`].
-pub fn saving_rounds(request: &Request) -> u64 {
-    (saving_runs(request) * FOUR_MODELS.len() * NOISES.len()) as u64
-}
-
 /// A quarter of the runs: enough for medians of times.
 fn saving_runs(request: &Request) -> usize {
     request.runs.div_ceil(4)
+}
+
+/// The file of settings.
+pub const SETTINGS: SettingsFile =
+    SettingsFile { path: "crates/zerre-lab/src/paper/multiple_model/settings.rs", text: settings::SOURCE };
+
+/// The experiments of the thesis under one seed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MultipleModel {
+    request: Request,
+    seed: u64,
+    cells: BTreeMap<Cell, usize>,
+}
+
+impl MultipleModel {
+    /// What `request` asks for.
+    pub fn new(request: Request, seed: u64) -> MultipleModel {
+        let cells = request.cells();
+        MultipleModel { request, seed, cells }
+    }
+
+    fn runs(&self, cell: &Cell) -> usize {
+        self.cells.get(cell).copied().unwrap_or_default()
+    }
+}
+
+impl Experiment for MultipleModel {
+    type Cell = Cell;
+    type Outcome = Outcome;
+    type Timing = Saving;
+    type Row = Row;
+
+    const UNIT: &'static str = "particle moves";
+
+    fn cells(&self) -> Vec<Cell> {
+        self.cells.keys().copied().collect()
+    }
+
+    fn key(&self, cell: &Cell) -> String {
+        cell.key()
+    }
+
+    fn cost(&self, cell: &Cell) -> u64 {
+        cell.work(SCENARIOS[cell.scenario].modes.len()) * self.runs(cell) as u64
+    }
+
+    fn work(&self, cell: &Cell, stop: &dyn Fn() -> bool) -> zerre::Result<Option<Outcome>> {
+        let runs = self.runs(cell);
+        let mut outcome = Outcome::default();
+        for run in 0..runs {
+            if stop() {
+                return Ok(None);
+            }
+            outcome.add(contend(cell, self.seed, run)?, runs);
+        }
+        Ok(Some(outcome))
+    }
+
+    fn rounds(&self) -> u64 {
+        let wanted = self.request.tables.contains(&Asked::Saving);
+        if wanted { (saving_runs(&self.request) * FOUR_MODELS.len() * NOISES.len()) as u64 } else { 0 }
+    }
+
+    /// Every filter whose time is compared runs on the same measurements, one after the other in turn.
+    fn time(&self, stop: &dyn Fn() -> bool, done: &mut dyn FnMut()) -> zerre::Result<Option<Saving>> {
+        let particles = self.request.main_particles();
+        let of = |algorithm, wsms| {
+            let (setting, reading) = (Setting::Reference, Reading::Equal);
+            Cell { scenario: FOUR_MODELS[0], algorithm, wsms, setting, reading, particles, noise: 0 }
+        };
+        let mut filters: Vec<Cell> =
+            [Algorithm::Alg1, Algorithm::Alg2, Algorithm::Alg3].map(|a| of(a, Wsms::None)).to_vec();
+        for wsms in [Wsms::SemiDynamic, Wsms::Dynamic] {
+            filters.extend([Algorithm::Alg2Wsms, Algorithm::Alg3Wsms].map(|a| of(a, wsms)));
+        }
+        filters.push(of(Algorithm::ImmPf, Wsms::None));
+        let mut runs = vec![vec![Vec::new(); filters.len()]; NOISES.len()];
+        for run in 0..saving_runs(&self.request) {
+            for scenario in FOUR_MODELS {
+                for (noise, columns) in runs.iter_mut().enumerate() {
+                    for (cell, column) in filters.iter().zip(columns) {
+                        if stop() {
+                            return Ok(None);
+                        }
+                        let seen = contend(&Cell { scenario, noise, ..*cell }, self.seed, run)?;
+                        let mse = seen.squares.iter().sum::<f64>() / seen.squares.len() as f64;
+                        column.push((mse, seen.seconds));
+                    }
+                    done();
+                }
+            }
+        }
+        Ok(Some(Saving { filters, runs }))
+    }
+
+    fn finish(
+        &self,
+        outcomes: &BTreeMap<Cell, Outcome>,
+        saving: Option<&Saving>,
+    ) -> Result<Finished<Row>, Box<dyn std::error::Error>> {
+        let interrupted = outcomes.len() < self.cells.len()
+            || saving.is_some() != self.request.tables.contains(&Asked::Saving);
+        let results = Results::new(&self.request, outcomes, saving, self.seed)?;
+        let rows = results.rows();
+        let estimates = rows.iter().filter(|row| row.metric != "seconds");
+        let (degenerate, lost) = results.mishaps();
+        Ok(Finished {
+            estimates: estimates.flat_map(|row| [row.value, row.low, row.high]).collect(),
+            tables: results.tables(),
+            page: results.page(self.seed, interrupted),
+            mishaps: vec![Mishap::without_likelihood(degenerate), Mishap::refused(lost)],
+            rows,
+        })
+    }
 }

@@ -10,23 +10,6 @@ use crate::report::study::{Figure, Grid, Section, Series, Shown, StudyReport};
 use crate::study::interval::Estimate;
 use crate::study::table::{Entry, Table};
 
-/// Where the numbers come from.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Provenance {
-    /// The command line.
-    pub command: String,
-    /// Seed of the runs.
-    pub seed: u64,
-    /// The commit that holds the settings, where it is known.
-    pub commit: Option<String>,
-    /// SHA-256 of [`SOURCE`](super::settings::SOURCE).
-    pub settings_sha256: String,
-    /// Digest of the estimates.
-    pub digest: String,
-    /// Whether the run was stopped before its end.
-    pub interrupted: bool,
-}
-
 /// The noise of figures that show one: the second, at which selection fires on a quarter of the steps.
 const SHOWN_NOISE: usize = 1;
 
@@ -75,19 +58,16 @@ const READINGS: [&str; 14] = [
 ];
 
 impl Results<'_> {
-    /// The whole page.
-    pub fn page(&self, provenance: &Provenance) -> StudyReport {
-        let commit = provenance.commit.clone().unwrap_or_else(|| "unknown".to_owned());
+    /// The whole page, for a run that was `interrupted` or came to its end.
+    pub fn page(&self, seed: u64, interrupted: bool) -> StudyReport {
         let facts = [
             ("Runs per cell", self.request.runs.to_string()),
             ("Runs of the paired comparison", self.request.paired_runs.to_string()),
-            ("Seed", provenance.seed.to_string()),
+            ("Seed", seed.to_string()),
             ("Seed on which our default was chosen", CHOICE_SEED.to_string()),
             ("Data", "simulated here; nothing but the printed tables comes from the thesis".to_owned()),
-            ("Commit of the settings", commit),
-            ("SHA-256 of the settings", provenance.settings_sha256.clone()),
         ];
-        let mut sections = vec![self.introduction(provenance.interrupted)];
+        let mut sections = vec![self.introduction(interrupted)];
         for (at, scenario) in SCENARIOS.iter().enumerate() {
             let ways: Vec<Wsms> = [Wsms::SemiDynamic, Wsms::Dynamic]
                 .into_iter()
@@ -110,10 +90,9 @@ impl Results<'_> {
         });
         StudyReport {
             title: "Multiple-model particle filters and the selection of models".to_owned(),
-            command: provenance.command.clone(),
             facts: facts.map(|(name, value)| (name.to_owned(), value)).to_vec(),
             sections,
-            digest: provenance.digest.clone(),
+            ..StudyReport::default()
         }
     }
 
@@ -328,7 +307,7 @@ impl Results<'_> {
         let text = |entry: &Entry| if let Entry::Text(text) = entry { text.clone() } else { String::new() };
         let rows = table.rows.iter().map(|row| {
             let pair = format!("{} → {}", text(&row[0]), text(&row[1]));
-            let mut shown: Vec<Shown> = vec![pair.as_str().into(), shown_entry(&row[2])];
+            let mut shown: Vec<Shown> = vec![pair.as_str().into(), Shown::from(&row[2])];
             shown.extend(row[3..].chunks(6).map(|cell| Shown {
                 text: format!("{}, {}", number(&cell[0]), number(&cell[4])),
                 aside: format!("thesis {}, {}", number(&cell[3]), number(&cell[5])),
@@ -428,17 +407,8 @@ fn with_printed(ours: Option<Estimate>, printed: Option<&Number>) -> Shown {
     shown
 }
 
-fn shown_entry(entry: &Entry) -> Shown {
-    match entry {
-        Entry::Text(text) => text.as_str().into(),
-        Entry::Count(count) => count.to_string().as_str().into(),
-        Entry::Number(value) => (*value).into(),
-        Entry::Missing => "–".into(),
-    }
-}
-
 fn whole(title: &str, table: &Table) -> Section {
-    let rows = table.rows.iter().map(|row| row.iter().map(shown_entry).collect()).collect();
+    let rows = table.rows.iter().map(|row| row.iter().map(Shown::from).collect()).collect();
     let grid = Grid { caption: table.about.clone(), head: table.head.clone(), rows };
     Section { title: title.to_owned(), tables: vec![grid], ..Section::default() }
 }

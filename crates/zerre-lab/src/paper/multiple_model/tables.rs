@@ -5,11 +5,10 @@ use super::printed::{Damaged, Number, Thesis};
 use super::scenarios::SCENARIOS;
 use super::settings::{NOISES, Setting};
 use super::{Asked, IMM, Outcome, PAIRED_WITH, RB_MANY, Request, Saving};
-use crate::study::interval::{Bootstrap, Estimate, holm, mean, median, paired};
+use crate::study::interval::{Bootstraps, Estimate, holm, mean, median, paired};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use zerre::rng::Stream;
 
 /// One number of one cell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,11 +52,8 @@ pub struct Results<'a> {
     pub(super) outcomes: &'a BTreeMap<Cell, Outcome>,
     pub(super) saving: Option<&'a Saving>,
     pub(super) thesis: Thesis,
-    bootstraps: BTreeMap<usize, Bootstrap>,
+    bootstraps: Bootstraps,
 }
-
-/// Label of the bootstrap's stream: "bootstrap" in ASCII, less its last letter.
-const BOOTSTRAP: u64 = 0x626f_6f74_7374_7261;
 
 /// Pairs (A, B) of tables 6.4 to 6.6 and 6.10 to 6.12, as algorithm and whether it selects.
 const PAIRS: [[Algorithm; 2]; 6] = [
@@ -89,18 +85,14 @@ impl<'a> Results<'a> {
         saving: Option<&'a Saving>,
         seed: u64,
     ) -> Result<Results<'a>, Damaged> {
-        let stream = Stream::new(seed).fork(BOOTSTRAP);
-        let mut bootstraps = BTreeMap::new();
         let counts = outcomes.values().map(|outcome| outcome.mse.len());
         let of_saving = saving.into_iter().flat_map(|s| s.runs.iter().flatten()).map(Vec::len);
-        for runs in counts.chain(of_saving) {
-            bootstraps.entry(runs).or_insert_with(|| Bootstrap::new(runs, stream));
-        }
+        let bootstraps = Bootstraps::new(counts.chain(of_saving), seed);
         Ok(Results { request, outcomes, saving, thesis: Thesis::read()?, bootstraps })
     }
 
     fn estimate(&self, runs: usize, statistic: impl Fn(&[usize]) -> f64) -> Option<Estimate> {
-        self.bootstraps.get(&runs)?.estimate(statistic)
+        self.bootstraps.estimate(runs, statistic)
     }
 
     /// Pooled error of a cell, equation 6.2.
@@ -206,7 +198,7 @@ impl<'a> Results<'a> {
                 row.runs.into(),
             ]
         };
-        table("rows", "Every number of every cell", &head, self.rows().into_iter().map(row).collect())
+        Table::new("rows", "Every number of every cell", &head, self.rows().into_iter().map(row).collect())
     }
 
     /// Root mean square error at each step over the runs: equation 6.1 as its text has it.
@@ -229,7 +221,7 @@ impl<'a> Results<'a> {
                 rows.push(row);
             }
         }
-        table("rmse-per-step", "Error at each step over the runs", &head, rows)
+        Table::new("rmse-per-step", "Error at each step over the runs", &head, rows)
     }
 
     /// Tables 6.1 to 6.3 and 6.7 to 6.9.
@@ -469,7 +461,7 @@ impl<'a> Results<'a> {
             "p_holm",
             "rb_worse",
         ];
-        table("table-paired", &about, &head, rows)
+        Table::new("table-paired", &about, &head, rows)
     }
 
     /// Times and errors of filters that took turns, against algorithm 1.
@@ -487,15 +479,13 @@ impl<'a> Results<'a> {
                 let (first_mse, first_seconds): (Vec<f64>, Vec<f64>) = column(0).into_iter().unzip();
                 // Pooling over noises would be about the largest alone: the mean of ratios weighs them alike.
                 let per = saving.runs[0][at].len();
-                let bootstrap = self.bootstraps.get(&per);
                 let parts = || mse.chunks(per.max(1)).zip(first_mse.chunks(per.max(1)));
                 let times = || seconds.chunks(per.max(1)).zip(first_seconds.chunks(per.max(1)));
                 let count = (mse.len() / per.max(1)).max(1) as f64;
-                let error = bootstrap.and_then(|b| {
-                    b.estimate(|p| parts().map(|(a, b)| rmse(a, p) / rmse(b, p)).sum::<f64>() / count)
-                });
-                let time = bootstrap.and_then(|b| {
-                    b.estimate(|p| times().map(|(a, b)| median(b, p) / median(a, p)).sum::<f64>() / count)
+                let error = self
+                    .estimate(per, |p| parts().map(|(a, b)| rmse(a, p) / rmse(b, p)).sum::<f64>() / count);
+                let time = self.estimate(per, |p| {
+                    times().map(|(a, b)| median(b, p) / median(a, p)).sum::<f64>() / count
                 });
                 let all: Vec<usize> = (0..seconds.len()).collect();
                 rows.push(vec![
@@ -531,7 +521,7 @@ impl<'a> Results<'a> {
             "rmse_ratio_low",
             "rmse_ratio_high",
         ];
-        Some(table("table-saving", about, &head, rows))
+        Some(Table::new("table-saving", about, &head, rows))
     }
 
     /// Steps and runs that did not go as planned, over all cells: steps whose measurement had no likelihood
@@ -554,13 +544,4 @@ pub(super) fn grid_cell(
     let wsms = if selects { wsms } else { Wsms::None };
     let (setting, reading) = (Setting::Reference, Reading::Equal);
     Cell { scenario, algorithm, wsms, setting, reading, particles, noise }
-}
-
-fn table(name: &str, about: &str, head: &[&str], rows: Vec<Vec<Entry>>) -> Table {
-    Table {
-        name: name.to_owned(),
-        about: about.to_owned(),
-        head: head.iter().map(|name| (*name).to_owned()).collect(),
-        rows,
-    }
 }
