@@ -191,6 +191,24 @@ pub const ESTIMATORS: &[Entry] = &[
     ),
     classed(
         Class::Consistent,
+        "resample-move",
+        "survivors take steps of a Markov chain: random walk, stretch move or Gibbs",
+        "Gilks and Berzuini 2001",
+    ),
+    classed(
+        Class::Consistent,
+        "sequential-mcmc",
+        "a Markov chain on parents and states in place of weights",
+        "Septier, Pang, Carmi and Godsill 2009",
+    ),
+    classed(
+        Class::Consistent,
+        "grid",
+        "point masses on nodes, one to three dimensions",
+        "Bucy and Senne 1971",
+    ),
+    classed(
+        Class::Consistent,
         "regularised",
         "survivors are drawn from a kernel density",
         "Musso, Oudjane and Le Gland 2001",

@@ -6,10 +6,13 @@ use super::world::{Place, Problem, Record, Visit, label, with_problem};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use zerre::filter::{
-    Extended, Filter, Kalman, Outcome as StepOutcome, ParticleFilter, Settings, SigmaPoints, Unscented,
-    Update,
+    Ensemble, EnsembleSettings, Extended, Filter, GaussianSum, Grid, Kalman, Kernel, Linear, McmcSettings,
+    Outcome as StepOutcome, ParticleFilter, Rejuvenation, ResampleMove, SequentialMcmc, Settings,
+    SigmaPoints, SumSettings, Tangent, Unscented, Update,
 };
 use zerre::model::{GaussianMeasurement, Measurement, Motion};
+use zerre::moves::Move;
+use zerre::proposal::Guided;
 use zerre::resample::{Resampling, Trigger};
 use zerre::rng::Stream;
 use zerre::{Error, Result};
@@ -62,6 +65,79 @@ pub const CONTENDERS: &[ContenderInfo] = &[
         Cost::PerParticle(|_| 1),
     ),
     info("sis", "particle filter that never resamples", "Handschin and Mayne 1969", Cost::PerParticle(|_| 1)),
+    info(
+        "cubature",
+        "cubature Kalman filter: 2 n points",
+        "Arasaratnam and Haykin 2009",
+        Cost::Fixed(|n| 2 * n + 1),
+    ),
+    info("ensemble", "ensemble Kalman filter", "Evensen 1994", Cost::PerParticle(|_| 1)),
+    info(
+        "gaussian-sum",
+        "parts that split where the models curve, and merge at a stated cost; counted by the parts kept",
+        "Sorenson and Alspach 1971",
+        Cost::PerParticle(|w| 2 * w + 1),
+    ),
+    info(
+        "grid",
+        "point masses on nodes, up to three dimensions",
+        "Bucy and Senne 1971",
+        Cost::PerParticle(|_| 1),
+    ),
+    info(
+        "ekf-guided",
+        "particles move by the tangent of the measurement",
+        "Doucet, Godsill and Andrieu 2000",
+        Cost::PerParticle(|w| w + 2),
+    ),
+    info(
+        "ukf-guided",
+        "particles move by sigma points; counted with one pass",
+        "van der Merwe, Doucet, de Freitas and Wan 2000",
+        Cost::PerParticle(|w| 2 * w + 2),
+    ),
+    info(
+        "optimal",
+        "particles move by their exact posterior",
+        "Doucet, Godsill and Andrieu 2000",
+        Cost::PerParticle(|w| w + 2),
+    ),
+    info(
+        "auxiliary",
+        "particles are resampled by what the measurement will say",
+        "Pitt and Shephard 1999",
+        Cost::PerParticle(|_| 2),
+    ),
+    info(
+        "regularised",
+        "survivors are drawn from a kernel density, shrunk",
+        "Musso, Oudjane and Le Gland 2001",
+        Cost::PerParticle(|_| 1),
+    ),
+    info(
+        "resample-move",
+        "survivors take a random-walk step",
+        "Gilks and Berzuini 2001",
+        Cost::PerParticle(|_| 3),
+    ),
+    info(
+        "stretch-move",
+        "survivors take a stretch step, the exact bee move",
+        "Goodman and Weare 2010",
+        Cost::PerParticle(|_| 3),
+    ),
+    info(
+        "mcmc-mh",
+        "a chain of joint proposals, refined by a random-walk step",
+        "Khan, Balch and Dellaert 2005",
+        Cost::PerParticle(|_| 4),
+    ),
+    info(
+        "mcmc-gibbs",
+        "a chain of joint proposals, refined by slices; counted with two evaluations a slice",
+        "Septier, Pang, Carmi and Godsill 2009",
+        Cost::PerParticle(|w| 3 + 2 * w),
+    ),
 ];
 
 /// A filter with its budget.
@@ -293,6 +369,54 @@ where
             let settings = Settings { trigger: Trigger::Never, ..settings };
             follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
         }
+        "cubature" => {
+            follow.through(&Unscented::new(motion, sensor, prior, SigmaPoints::cubature())?, scores)
+        }
+        "ensemble" => {
+            let settings = EnsembleSettings { members: settings.particles, ..EnsembleSettings::default() };
+            follow.through(&Ensemble::new(prior, motion, sensor, settings)?, scores)
+        }
+        "gaussian-sum" => {
+            let settings = SumSettings { parts: settings.particles, ..SumSettings::default() };
+            follow
+                .through(&GaussianSum::new(SigmaPoints::default(), motion, sensor, prior, settings)?, scores)
+        }
+        "grid" => {
+            let nodes = settings.particles.max(16);
+            follow.through(&Grid::new(prior, motion, sensor)?.with_nodes(nodes)?, scores)
+        }
+        "ekf-guided" => {
+            let filter = ParticleFilter::guided(prior, motion, sensor, Guided::new(Tangent), settings)?;
+            follow.through(&filter, scores)
+        }
+        "ukf-guided" => {
+            let proposal = Guided::new(SigmaPoints::default());
+            follow.through(&ParticleFilter::guided(prior, motion, sensor, proposal, settings)?, scores)
+        }
+        "optimal" => {
+            let filter = ParticleFilter::guided(prior, motion, sensor, Guided::new(Linear), settings)?;
+            follow.through(&filter, scores)
+        }
+        "auxiliary" => {
+            let settings = Settings { lookahead: Some(1.0), ..settings };
+            follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
+        }
+        "regularised" => {
+            let rejuvenation = Rejuvenation::Regularise { kernel: Kernel::Gaussian, shrink: true };
+            let settings = Settings { rejuvenation, ..settings };
+            follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
+        }
+        "resample-move" | "stretch-move" => {
+            let kernel = if contender.filter == "stretch-move" { Move::Stretch } else { Move::default() };
+            let inside = ParticleFilter::new(prior, motion, sensor, settings)?;
+            follow.through(&ResampleMove::new(inside, kernel, 1)?, scores)
+        }
+        "mcmc-mh" | "mcmc-gibbs" => {
+            let kernel = if contender.filter == "mcmc-gibbs" { Move::Gibbs } else { Move::default() };
+            let particles = settings.particles;
+            let settings = McmcSettings { particles, kernel, ..McmcSettings::default() };
+            follow.through(&SequentialMcmc::new(prior, motion, sensor, settings)?, scores)
+        }
         other => Err(Error::Unsupported(format!("there is no filter `{other}` here"))),
     }
 }
@@ -401,7 +525,7 @@ mod tests {
                     Fate::Ran(runs) => {
                         let run = &runs[0];
                         assert!(run.rmse.is_finite() && run.crps.is_some() && run.coverage90.is_some());
-                        assert_eq!(run.ess_min.is_some(), matches!(info.name, "bootstrap" | "sis"));
+                        assert!(info.is_sampled() || run.ess_min.is_none());
                         ran += 1;
                     }
                     Fate::DoesNotApply(reason) => assert!(reason.len() > 10, "{reason}"),

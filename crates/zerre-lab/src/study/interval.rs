@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn the_interval_of_a_mean_is_students() {
         let share = 0.95 * 0.95;
-        let half = (2.0 * share / (1.0 - share)).sqrt() / 3f64.sqrt();
+        let half = (2.0_f64 * share / (1.0 - share)).sqrt() / 3f64.sqrt();
         let found = mean_interval(&[1.0, 2.0, 3.0]).unwrap();
         assert!((found.value - 2.0).abs() < 1e-15);
         assert!((found.high - 2.0 - half).abs() < 1e-8 && (2.0 - found.low - half).abs() < 1e-8, "{found:?}");

@@ -2,7 +2,7 @@
 
 use crate::distribution::normal_cdf;
 use crate::metric::{crps_mixture, crps_sorted};
-use zerre::belief::{Cloud, GaussianBelief, Hypotheses};
+use zerre::belief::{Cloud, GaussianBelief, GridBelief, Hypotheses, MovedCloud};
 
 /// The law of one component. Built again and again in the same memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,6 +145,20 @@ impl<const N: usize> Marginals for Cloud<N> {
     fn marginal(&self, k: usize, out: &mut Marginal) {
         let mut points = out.take_samples();
         points.extend(self.column(k).iter().copied().zip(self.weights()));
+        *out = Marginal::Samples(points);
+    }
+}
+
+impl<const N: usize> Marginals for MovedCloud<N> {
+    fn marginal(&self, k: usize, out: &mut Marginal) {
+        self.cloud().marginal(k, out);
+    }
+}
+
+impl<const N: usize> Marginals for GridBelief<N> {
+    fn marginal(&self, k: usize, out: &mut Marginal) {
+        let mut points = out.take_samples();
+        points.extend(self.nodes().map(|(x, mass)| (x[k], mass)));
         *out = Marginal::Samples(points);
     }
 }

@@ -23,13 +23,13 @@ pub const WORLDS: [&str; 8] =
 /// else more particles than anybody would spend.
 pub const TRUTHS: [(&str, &str, usize); 8] = [
     ("linear", "kalman", 0),
-    ("growth-q1", "bootstrap", 20_000),
-    ("growth-q3", "bootstrap", 20_000),
-    ("growth-q6", "bootstrap", 20_000),
-    ("ungm", "bootstrap", 20_000),
-    ("upf", "bootstrap", 100_000),
+    ("growth-q1", "grid", 500),
+    ("growth-q3", "grid", 500),
+    ("growth-q6", "grid", 500),
+    ("ungm", "grid", 1000),
+    ("upf", "grid", 1000),
     ("bearings-only", "bootstrap", 100_000),
-    ("outliers", "bootstrap", 20_000),
+    ("outliers", "grid", 500),
 ];
 
 /// A filter counts as being as good as the truth up to this ratio of errors and of scores, ...
