@@ -1,5 +1,5 @@
-//! Proposals that look at the measurement: against closed forms, against each other, and on the benchmark of the
-//! unscented particle filter.
+//! Proposals that look at the measurement: against closed forms, against each other, and on the benchmark of
+//! the unscented particle filter.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -43,8 +43,8 @@ fn predictive(x: [f64; 4], z: [f64; 2], dt: f64, sd: f64) -> f64 {
         .sum()
 }
 
-/// With the locally optimal proposal a weight is p(z | x_{k-1}), whatever noise was drawn; rounding of a dozen
-/// operations on numbers of some hundred.
+/// With the locally optimal proposal a weight is p(z | x_{k-1}), whatever noise was drawn; rounding of a
+/// dozen operations on numbers of some hundred.
 #[test]
 fn locally_optimal_weights_do_not_depend_on_the_draw() {
     let (sd, z, dt) = (0.05, [2.0, -1.5], 2.0);
@@ -128,8 +128,8 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
     }
 }
 
-/// E_q[p / q] = 1 and E_q[(p / q) x] = E_p[x], within five standard errors of the sample. `expected` is the mean of
-/// the first component under the motion.
+/// E_q[p / q] = 1 and E_q[(p / q) x] = E_p[x], within five standard errors of the sample. `expected` is the
+/// mean of the first component under the motion.
 fn identity<const N: usize, const W: usize, A, H, Q>(
     (prior, motion, sensor): (Gaussian<N>, A, H),
     z: &H::Value,
@@ -212,8 +212,8 @@ where
     bits
 }
 
-/// Particles improve their fits as often as they need to, not as often as their neighbours: every level has the bits
-/// of one particle after the other, gamma noise and the defensive share included.
+/// Particles improve their fits as often as they need to, not as often as their neighbours: every level has
+/// the bits of one particle after the other, gamma noise and the defensive share included.
 #[test]
 fn every_level_has_the_bits_of_the_scalar_one() {
     let points = Guided::<SigmaPoints, 1>::new(SigmaPoints::default());
@@ -227,7 +227,8 @@ fn every_level_has_the_bits_of_the_scalar_one() {
                 assert_eq!(bits(Guided::<Tangent, 1>::new(Tangent), settings(simd)), tangent);
             }
             if particles == 600 {
-                // Some particles took more than one pass in some step, and not all of them three: 1 + 3 passes.
+                // Some particles took more than one pass in some step, and not all of them three: 1 + 3
+                // passes.
                 let evaluations: Vec<u64> = scalar.chunks(3 + 1200).map(|step| step[2]).collect();
                 let (least, most) = (600 * 4, 600 * 10);
                 let per_step = |&e: &u64| if lookahead.is_some() { e / 2 } else { e };
@@ -237,8 +238,8 @@ fn every_level_has_the_bits_of_the_scalar_one() {
     }
 }
 
-/// Counts how often it is asked for a prediction or a likelihood; a tangent counts once for itself and once for each
-/// component of noise.
+/// Counts how often it is asked for a prediction or a likelihood; a tangent counts once for itself and once
+/// for each component of noise.
 struct Counting(Position<2>, Arc<AtomicUsize>);
 
 fn cost<R>(components: usize) -> usize {
@@ -351,8 +352,9 @@ where
     times.iter().zip(&z).map(ess).sum::<f64>() / 20.0
 }
 
-/// A precise sensor leaves the bootstrap filter a few particles: the measured position has a standard deviation of
-/// 0.1 where the motion alone leaves 0.4 per axis, a sixteenth of the plane; guided particles all go there.
+/// A precise sensor leaves the bootstrap filter a few particles: the measured position has a standard
+/// deviation of 0.1 where the motion alone leaves 0.4 per axis, a sixteenth of the plane; guided particles
+/// all go there.
 #[test]
 fn a_guided_filter_keeps_more_particles_where_the_sensor_is_precise() {
     let bootstrap = mean_ess(zerre::proposal::Bootstrap);
@@ -360,8 +362,8 @@ fn a_guided_filter_keeps_more_particles_where_the_sensor_is_precise() {
     assert!(ekf > 3.0 * bootstrap, "{ekf} {bootstrap}");
 }
 
-/// RMSE of one run of the benchmark of van der Merwe, Doucet, de Freitas and Wan (2000): 60 steps, the truth starts at
-/// 1, filters at N(1, 3/4).
+/// RMSE of one run of the benchmark of van der Merwe, Doucet, de Freitas and Wan (2000): 60 steps, the truth
+/// starts at 1, filters at N(1, 3/4).
 fn upf_rmse<Q: Proposal<1, 1, UpfGrowth, UpfSensor>>(proposal: Q, seed: u64) -> f64 {
     let (motion, sensor) = (UpfGrowth::new(3.0, 2.0).unwrap(), UpfSensor::new(1e-5).unwrap());
     let times: Vec<Time> = (0..=60).map(|k| secs(f64::from(k))).collect();
@@ -387,8 +389,9 @@ fn mean_and_error(values: &[f64]) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
-/// The unscented particle filter with 200 particles reaches an RMSE of 0.02: the mean over 200 runs lies below by more
-/// than three of its standard errors, those from the spread of the runs. Points of the prior alone do not.
+/// The unscented particle filter with 200 particles reaches an RMSE of 0.02: the mean over 200 runs lies
+/// below by more than three of its standard errors, those from the spread of the runs. Points of the prior
+/// alone do not.
 #[test]
 fn the_unscented_particle_filter_on_its_benchmark() {
     let rmse = |points: Guided<SigmaPoints, 1>| -> Vec<f64> {
@@ -402,8 +405,8 @@ fn the_unscented_particle_filter_on_its_benchmark() {
     assert!(once - mean > 3.0 * error.hypot(once_error), "{once} +- {once_error}");
 }
 
-/// With gamma noise the evidence of the guided filter is that of a bootstrap filter of many particles: on average over
-/// runs, within five standard errors of both.
+/// With gamma noise the evidence of the guided filter is that of a bootstrap filter of many particles: on
+/// average over runs, within five standard errors of both.
 #[test]
 fn evidence_with_gamma_noise() {
     let (motion, sensor) = (UpfGrowth::new(3.0, 2.0).unwrap(), UpfSensor::new(0.1).unwrap());
@@ -445,8 +448,8 @@ fn evidence_with_gamma_noise() {
     );
 }
 
-/// A measurement that nobody can explain is as none, although the particles were moved with a view to it; weights that
-/// were not equal and survivors that were not gathered included.
+/// A measurement that nobody can explain is as none, although the particles were moved with a view to it;
+/// weights that were not equal and survivors that were not gathered included.
 #[test]
 fn an_impossible_measurement_leaves_no_trace() {
     let sensor = || Position::<2>::new(1.0).unwrap();

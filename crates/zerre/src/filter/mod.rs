@@ -91,8 +91,8 @@ pub struct ParticleUpdate {
     pub distinct_ancestors: usize,
     /// Particles whose likelihood was NaN or +inf, or whose state ceased to be finite: they got weight zero.
     pub not_finite: usize,
-    /// How often the step evaluated the measurement of a particle: once per weight, and as often as a proposal asked
-    /// for it. A tangent by `W` components of noise counts as `W` + 1.
+    /// How often the step evaluated the measurement of a particle: once per weight, and as often as a
+    /// proposal asked for it. A tangent by `W` components of noise counts as `W` + 1.
     #[serde(default)]
     pub evaluations: usize,
 }

@@ -62,12 +62,13 @@ pub struct Settings {
     pub trigger: Trigger,
     /// What is done to survivors before they move on.
     pub rejuvenation: Rejuvenation,
-    /// The auxiliary particle filter (Pitt and Shephard 1999; Whiteley and Johansen 2008): resampling comes first in a
-    /// step, by weights times the power of this exponent of what the measurement is expected to say of a particle, and
-    /// is divided out of the weights after the move. 1 is the original, less is more careful, `None` (the default)
-    /// resamples after the measurement as `trigger` says. What is expected is p(z | f(x, E w)), or what a guided
-    /// proposal fits to p(z | x): the locally optimal one leaves all weights equal (full adaptation). A step over no
-    /// time resamples nothing, and survivors are not rejuvenated.
+    /// The auxiliary particle filter (Pitt and Shephard 1999; Whiteley and Johansen 2008): resampling comes
+    /// first in a step, by weights times the power of this exponent of what the measurement is expected to
+    /// say of a particle, and is divided out of the weights after the move. 1 is the original, less is more
+    /// careful, `None` (the default) resamples after the measurement as `trigger` says. What is expected is
+    /// p(z | f(x, E w)), or what a guided proposal fits to p(z | x): the locally optimal one leaves all
+    /// weights equal (full adaptation). A step over no time resamples nothing, and survivors are not
+    /// rejuvenated.
     pub lookahead: Option<f64>,
     /// How process noise is made.
     pub noise: NoiseSource,
@@ -117,11 +118,12 @@ where
     }
 }
 
-/// Expected log-likelihoods count as no less than this beside the largest: what they are divided out of stays bounded.
+/// Expected log-likelihoods count as no less than this beside the largest: what they are divided out of stays
+/// bounded.
 const LEAST_EXPECTED: f64 = -14.0;
 
-/// What moves and weighs the particles of one step: a step if time passes, a digest if there is a measurement, a guide
-/// if there are both and the proposal looks.
+/// What moves and weighs the particles of one step: a step if time passes, a digest if there is a
+/// measurement, a guide if there are both and the proposal looks.
 struct Plan<'a, S, D, G> {
     step: Option<&'a S>,
     digest: Option<&'a D>,
@@ -130,8 +132,8 @@ struct Plan<'a, S, D, G> {
     keeps: bool,
 }
 
-/// The particles that take noise of the motion's own law: a share of them, evenly spaced from a random place, so that
-/// each is one with the same probability.
+/// The particles that take noise of the motion's own law: a share of them, evenly spaced from a random place,
+/// so that each is one with the same probability.
 struct Defensive {
     share: f64,
     offset: f64,
@@ -168,8 +170,8 @@ where
     /// A filter from its models and a proposal, such as [`Guided`](crate::proposal::Guided).
     ///
     /// # Errors
-    /// No or too many particles, a trigger, a roughening or a lookahead out of range, models that the proposal is not
-    /// for.
+    /// No or too many particles, a trigger, a roughening or a lookahead out of range, models that the
+    /// proposal is not for.
     pub fn guided(prior: P, motion: M, sensor: H, proposal: Q, settings: Settings) -> Result<Self> {
         if settings.particles == 0 || settings.particles > MAX_PARTICLES {
             let value = settings.particles as f64;
@@ -274,7 +276,8 @@ where
     }
 
     /// Resamples by what the measurement is expected to say; does not where it says nothing of anybody. The
-    /// log-weights of before are kept. Returns how many have descendants, and how often the measurement was evaluated.
+    /// log-weights of before are kept. Returns how many have descendants, and how often the measurement was
+    /// evaluated.
     fn look_ahead(
         &self,
         cloud: &mut Cloud<N>,
@@ -484,7 +487,8 @@ where
         if total.max == f64::NEG_INFINITY {
             // The measurement has no likelihood anywhere: take it back.
             if keeps {
-                // The particles were moved with a view to it: all that was done is undone, and done without it.
+                // The particles were moved with a view to it: all that was done is undone, and done without
+                // it.
                 std::mem::swap(&mut cloud.states, &mut cloud.spare);
                 if ahead.is_some() || not_finite > 0 {
                     std::mem::swap(&mut cloud.log_weights, &mut cloud.kept);

@@ -16,19 +16,20 @@ pub enum Rejuvenation {
     /// Nothing.
     #[default]
     Nothing,
-    /// Roughening (Gordon, Salmond and Smith 1993, section 3.2): component k gets normal jitter of this standard
-    /// deviation times E_k n^(-1/N), E_k being the spread between the largest and the smallest particle. 0.2 is the
-    /// authors' value. It widens the posterior.
+    /// Roughening (Gordon, Salmond and Smith 1993, section 3.2): component k gets normal jitter of this
+    /// standard deviation times E_k n^(-1/N), E_k being the spread between the largest and the smallest
+    /// particle. 0.2 is the authors' value. It widens the posterior.
     Roughen(f64),
-    /// The regularised particle filter (Musso, Oudjane and Le Gland 2001): survivors are drawn from a kernel density
-    /// of the weighted cloud, x + h D e with D D' its covariance and the bandwidth h = A n^(-1/(N+4)) that is best for
-    /// a normal law.
+    /// The regularised particle filter (Musso, Oudjane and Le Gland 2001): survivors are drawn from a kernel
+    /// density of the weighted cloud, x + h D e with D D' its covariance and the bandwidth h = A n^(-1/(N+4))
+    /// that is best for a normal law.
     Regularise {
         /// The law of e.
         kernel: Kernel,
-        /// Whether survivors are first drawn towards the mean by as much as the kernel widens (West 1993; Liu and West
-        /// 2001), so that mean and covariance stay what they were. Without, the covariance grows by 1 + h^2 Var e at
-        /// every resampling: by 14 % with 2 000 particles of four components and the normal kernel.
+        /// Whether survivors are first drawn towards the mean by as much as the kernel widens (West 1993; Liu
+        /// and West 2001), so that mean and covariance stay what they were. Without, the covariance grows by
+        /// 1 + h^2 Var e at every resampling: by 14 % with 2 000 particles of four components and the normal
+        /// kernel.
         shrink: bool,
     },
 }
@@ -45,8 +46,8 @@ pub enum Kernel {
 }
 
 impl Kernel {
-    /// The bandwidth for `n` particles of `dimensions` components and unit covariance (Silverman 1986, 4.3.2), and the
-    /// variance of a component of e.
+    /// The bandwidth for `n` particles of `dimensions` components and unit covariance (Silverman 1986,
+    /// 4.3.2), and the variance of a component of e.
     fn bandwidth(self, n: usize, dimensions: usize) -> (f64, f64) {
         let d = dimensions as f64;
         let log_a = match self {

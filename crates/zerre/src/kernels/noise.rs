@@ -174,8 +174,8 @@ pub(crate) fn fill_noise<const W: usize>(
     }
 }
 
-/// Gamma noise for those of the first `count` particles that `takes` names; zeros for the others. It is drawn one after
-/// the other, so that it pays to leave some out.
+/// Gamma noise for those of the first `count` particles that `takes` names; zeros for the others. It is drawn
+/// one after the other, so that it pays to leave some out.
 pub(crate) fn fill_gamma<const W: usize>(
     shape: f64,
     key: NoiseKey,

@@ -8,13 +8,14 @@ use fearless_simd::Simd as Token;
 
 /// What proposes the noise of a particle.
 pub(crate) trait Propose<const N: usize, const W: usize>: Sync {
-    /// From a state x, standard normal numbers, noise of the motion's own law and whether that is to be taken (1 or
-    /// 0): the state that x becomes, ln p(w) / q(w | x), and how often the proposal was improved.
+    /// From a state x, standard normal numbers, noise of the motion's own law and whether that is to be taken
+    /// (1 or 0): the state that x becomes, ln p(w) / q(w | x), and how often the proposal was improved.
     fn propose<R: Float>(&self, x: [R; N], normal: [R; W], own: [R; W], takes_own: R) -> ([R; N], R, R);
 }
 
-/// Moves the particles of a block in place. `ratios` holds, for every particle, whether it takes its `own` noise
-/// (which is `normal` where there is none), and receives ln p / q. Returns how often proposals were improved, in all.
+/// Moves the particles of a block in place. `ratios` holds, for every particle, whether it takes its `own`
+/// noise (which is `normal` where there is none), and receives ln p / q. Returns how often proposals were
+/// improved, in all.
 pub(crate) fn propose<const N: usize, const W: usize, P: Propose<N, W>>(
     level: Simd,
     proposal: &P,

@@ -34,8 +34,8 @@ impl<const K: usize, R: Real> Dual<K, R> {
         d
     }
 
-    /// g(self), given g's value and its derivative. Loops instead of `array::map` here and below: a closure may fail
-    /// to be inlined into a kernel.
+    /// g(self), given g's value and its derivative. Loops instead of `array::map` here and below: a closure
+    /// may fail to be inlined into a kernel.
     #[inline(always)]
     fn chain(self, value: R, slope: R) -> Self {
         let mut gradient = self.gradient;
@@ -209,8 +209,8 @@ mod tests {
         }
     }
 
-    /// Eight points at once have the values and the gradients of one after the other, to the bit; the points fall on
-    /// both sides of every selection.
+    /// Eight points at once have the values and the gradients of one after the other, to the bit; the points
+    /// fall on both sides of every selection.
     #[test]
     fn lanes_have_the_bits_of_one_after_the_other() {
         #[inline(always)]

@@ -41,8 +41,8 @@ pub trait Engine<const N: usize, const W: usize, A: Motion<N, W>, H: Likelihood<
     /// The share of the particles that take noise of the law of the motion.
     fn defensive(given: &Self::Given<'_>) -> f64;
 
-    /// Moves the particles of a block: see [`kernels::propose`](crate::kernels::propose). Returns how often h was
-    /// evaluated.
+    /// Moves the particles of a block: see [`kernels::propose`](crate::kernels::propose). Returns how often h
+    /// was evaluated.
     fn propose(
         given: &Self::Given<'_>,
         simd: Simd,

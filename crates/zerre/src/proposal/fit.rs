@@ -1,11 +1,12 @@
 //! The posterior of a particle's noise, fitted by a normal law.
 //!
-//! Noise is scaled to v with mean 0 and covariance I, and a measurement with its noise to covariance I. What is seen
-//! of v is linear, or made so: r = B v + N(0, I), `M` rows b_i. Rows are taken in one after the other in square-root
-//! form (Potter's update: Bierman, *Factorization Methods for Discrete Sequential Estimation*, 1977, II.4), which
-//! leaves the factor of the covariance as a product that is never multiplied out,
+//! Noise is scaled to v with mean 0 and covariance I, and a measurement with its noise to covariance I. What
+//! is seen of v is linear, or made so: r = B v + N(0, I), `M` rows b_i. Rows are taken in one after the other
+//! in square-root form (Potter's update: Bierman, *Factorization Methods for Discrete Sequential Estimation*,
+//! 1977, II.4), which leaves the factor of the covariance as a product that is never multiplied out,
 //!
-//! F = (I - g_1 f_1 f_1') ... (I - g_M f_M f_M'), f_i = F_{i-1}' b_i, s_i = 1 + f_i' f_i, g_i = 1 / (s_i + sqrt(s_i)),
+//! F = (I - g_1 f_1 f_1') ... (I - g_M f_M f_M'), f_i = F_{i-1}' b_i, s_i = 1 + f_i' f_i, g_i = 1 / (s_i +
+//! sqrt(s_i)),
 //!
 //! with ln det F = -1/2 sum ln s_i.
 
@@ -299,7 +300,8 @@ where
     (Fitted::new(&rows, &residuals), zero)
 }
 
-/// Refuses what is not affine in the noise: its slope at the mean and away from it, at two states, must agree.
+/// Refuses what is not affine in the noise: its slope at the mean and away from it, at two states, must
+/// agree.
 pub(super) fn affine<A, H, T: Fit, const N: usize, const W: usize, const M: usize>(
     given: &Given<'_, A::Step, A, H, T, M>,
     near: &[f64; N],
@@ -385,13 +387,14 @@ impl Fit for SigmaPoints {
     }
 }
 
-/// By the regression line of h(f(x, .)) over the sigma points of `about` (of the law of the noise itself, if there is
-/// none), what the line misses being added to the noise of the measurement: one pass of posterior linearisation
-/// (García-Fernández, Svensson, Morelande and Särkkä, IEEE TSP 63, 2015). With it comes the trace of that addition in
-/// units of R.
+/// By the regression line of h(f(x, .)) over the sigma points of `about` (of the law of the noise itself, if
+/// there is none), what the line misses being added to the noise of the measurement: one pass of posterior
+/// linearisation (García-Fernández, Svensson, Morelande and Särkkä, IEEE TSP 63, 2015). With it comes the
+/// trace of that addition in units of R.
 ///
-/// In the coordinates of `about` = N(m, F F') the points are m +- d F e_j with images y_0 + a_j +- b_j: the line has
-/// the slopes b_j / d along F, and misses sum a_j a_j' / d^2 (for the default weights; see [`SigmaPoints`]).
+/// In the coordinates of `about` = N(m, F F') the points are m +- d F e_j with images y_0 + a_j +- b_j: the
+/// line has the slopes b_j / d along F, and misses sum a_j a_j' / d^2 (for the default weights; see
+/// [`SigmaPoints`]).
 #[inline(always)]
 fn regression<R: Float, A, H, const N: usize, const W: usize, const M: usize>(
     given: &Given<'_, A::Step, A, H, SigmaPoints, M>,
@@ -445,8 +448,8 @@ where
             }
         }
     }
-    // The other weights put the centre of the covariance elsewhere: sum (a - e)(a - e)' / d^2 with e = shift times
-    // the mean of the images.
+    // The other weights put the centre of the covariance elsewhere: sum (a - e)(a - e)' / d^2 with e = shift
+    // times the mean of the images.
     let excess = W as f64 * per_square * shift * shift - 2.0 * shift;
     let mut trace = zero;
     for i in 0..M {

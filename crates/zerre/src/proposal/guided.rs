@@ -8,8 +8,8 @@ use crate::math::{Cholesky, Float, Matrix, Real, gaussian::LN_2PI, ln_gamma};
 use crate::model::{GaussianMeasurement, Likelihood, Motion, Noise};
 use std::array::from_fn;
 
-/// A normal law for the noise of each particle, fitted to its posterior p(w | x, z) given a measurement of `M`
-/// components.
+/// A normal law for the noise of each particle, fitted to its posterior p(w | x, z) given a measurement of
+/// `M` components.
 ///
 /// | `T` | the fit | source |
 /// |---|---|---|
@@ -17,16 +17,16 @@ use std::array::from_fn;
 /// | [`Linear`](crate::filter::Linear) | the same where it is exact, and nothing else: locally optimal | Doucet, Godsill and Andrieu 2000, II.D |
 /// | [`SigmaPoints`](crate::filter::SigmaPoints) | by the regression line over sigma points: UKF-guided, the unscented particle filter | van der Merwe, Doucet, de Freitas and Wan 2000 |
 ///
-/// With sigma points, a particle for which the line misses more than the noise of the measurement
-/// (trace(R^-1 Omega) > 1) has its points drawn anew from the fit, up to three passes in all: posterior linearisation
-/// (García-Fernández, Svensson, Morelande and Särkkä 2015). Points of the prior alone, as in the source, lose targets
-/// where the sensor is precise and curved.
+/// With sigma points, a particle for which the line misses more than the noise of the measurement (trace(R^-1
+/// Omega) > 1) has its points drawn anew from the fit, up to three passes in all: posterior linearisation
+/// (García-Fernández, Svensson, Morelande and Särkkä 2015). Points of the prior alone, as in the source, lose
+/// targets where the sensor is precise and curved.
 ///
-/// A proposal whose tails are lighter than those of what it stands for lets single weights grow without bound. A
-/// `defensive` share of the particles therefore takes noise of the motion's own law, and all weights are those of the
-/// mixture (Hesterberg, Technometrics 37, 1995): none exceeds the likelihood over the share. It is [`DEFENSIVE`] where
-/// the process noise is not normal or the sensor robust, and nothing elsewhere, unless it is set. Of a robust sensor
-/// the fit sees R, not the tails.
+/// A proposal whose tails are lighter than those of what it stands for lets single weights grow without
+/// bound. A `defensive` share of the particles therefore takes noise of the motion's own law, and all weights
+/// are those of the mixture (Hesterberg, Technometrics 37, 1995): none exceeds the likelihood over the share.
+/// It is [`DEFENSIVE`] where the process noise is not normal or the sensor robust, and nothing elsewhere,
+/// unless it is set. Of a robust sensor the fit sees R, not the tails.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guided<T, const M: usize> {
     transform: T,
@@ -55,8 +55,8 @@ impl<T, const M: usize> Guided<T, M> {
         Ok(Guided { defensive: Some(share), ..self })
     }
 
-    /// Sets the largest number of passes of sigma points; 1 is the original proposal of van der Merwe et al. The
-    /// other fits take one.
+    /// Sets the largest number of passes of sigma points; 1 is the original proposal of van der Merwe et al.
+    /// The other fits take one.
     ///
     /// # Errors
     /// No pass at all.

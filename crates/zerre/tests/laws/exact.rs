@@ -9,8 +9,8 @@
 //! approximate filter states its own bias, over n, for all three.
 //!
 //! The average of 100 runs has 99 degrees of freedom: beyond Z = 6.2 lies 1.3e-8 of Student's law. There are some
-//! 75 filters with 10 steps of 15 numbers: 11 000 comparisons, so that a right implementation fails with probability
-//! 1.5e-4.
+//! 75 filters with 10 steps of 15 numbers: 11 000 comparisons, so that a right implementation fails with
+//! probability 1.5e-4.
 
 use crate::list::{Class, Estimates, Means, Run, UnderLaw, filters};
 use crate::worlds::{self, Seen};
@@ -283,10 +283,10 @@ fn roughening_widens_by_what_its_source_says() {
     assert!(exact(&*entry.filter, Class::Consistent, &reference, &script).is_err());
 }
 
-/// Regularisation without shrinking is not the posterior either: survivors are jittered by h D e, D D' the covariance
-/// of the weighted cloud and h = A n^(-1/8) for four components, A of the source. In units of h D the jitter has mean 0
-/// and the covariance of the kernel, I or I / 8; five standard errors are allowed (as above; of the covariance of two
-/// components of e, 1 / sqrt(n) at most).
+/// Regularisation without shrinking is not the posterior either: survivors are jittered by h D e, D D' the
+/// covariance of the weighted cloud and h = A n^(-1/8) for four components, A of the source. In units of h D
+/// the jitter has mean 0 and the covariance of the kernel, I or I / 8; five standard errors are allowed (as
+/// above; of the covariance of two components of e, 1 / sqrt(n) at most).
 #[test]
 fn regularisation_widens_by_what_its_source_says() {
     let world = worlds::linear(2.0);

@@ -1,4 +1,5 @@
-//! Particle filters that look at the measurement before they move, and such as keep their particles apart, for the list.
+//! Particle filters that look at the measurement before they move, and such as keep their particles apart,
+//! for the list.
 
 use crate::list::{Class, Entry, Means, Sensor, World, entry};
 use zerre::filter::{Kernel, Linear, ParticleFilter, Rejuvenation, Settings, SigmaPoints, Tangent};
