@@ -113,6 +113,12 @@ pub const FILTERS: &[Entry] = &[
     ),
     classed(
         Class::Approximate,
+        "cubature",
+        "cubature Kalman filter: 2 n sigma points of equal weight",
+        "Arasaratnam and Haykin 2009",
+    ),
+    classed(
+        Class::Approximate,
         "imm-kalman",
         "interacting multiple models: a Kalman filter in each mode, for manoeuvring targets",
         "Blom and Bar-Shalom 1988",
@@ -165,6 +171,18 @@ pub const FILTERS: &[Entry] = &[
 /// Particle filters of the library that [`track`](crate::track) does not make: what they propose
 /// ([`proposal`](crate::proposal)), and what [`Settings`](crate::filter::Settings) ask for.
 pub const ESTIMATORS: &[Entry] = &[
+    classed(
+        Class::Approximate,
+        "ensemble",
+        "ensemble Kalman filter: equal members corrected by the gain of their moments",
+        "Evensen 1994",
+    ),
+    classed(
+        Class::Approximate,
+        "gaussian-sum",
+        "Gaussians that split where the models curve and merge at a stated cost",
+        "Sorenson and Alspach 1971; Runnalls 2007",
+    ),
     classed(
         Class::Consistent,
         "ekf-guided",

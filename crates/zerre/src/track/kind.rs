@@ -2,6 +2,7 @@
 
 use crate::catalog::FILTERS;
 use crate::error::{Error, Result};
+use crate::filter::SigmaPoints;
 
 /// A filter by name, taken apart.
 #[derive(Clone, Copy)]
@@ -20,7 +21,7 @@ pub(super) struct Kind {
 pub(super) enum Family {
     Kalman,
     Extended,
-    Unscented,
+    Unscented(SigmaPoints),
 }
 
 /// What a filter keeps of a target.
@@ -42,18 +43,20 @@ impl Kind {
     /// # Errors
     /// A name that is none of [`FILTERS`].
     pub(super) fn named(name: &str) -> Result<Kind> {
-        use Family::{Extended, Kalman, Unscented};
+        use Family::{Extended, Kalman};
+        let unscented = Family::Unscented(SigmaPoints::default());
         let (family, form, modes) = match name {
             "kalman" => (Kalman, Form::Gaussian, false),
             "ekf" => (Extended, Form::Gaussian, false),
-            "ukf" => (Unscented, Form::Gaussian, false),
+            "ukf" => (unscented, Form::Gaussian, false),
+            "cubature" => (Family::Unscented(SigmaPoints::cubature()), Form::Gaussian, false),
             "imm-kalman" => (Kalman, Form::Gaussian, true),
             "imm-ekf" => (Extended, Form::Gaussian, true),
-            "imm-ukf" => (Unscented, Form::Gaussian, true),
-            "rb-mmpf" => (Unscented, Form::Hypotheses, true),
-            "particle" | "sir" | "sis" => (Unscented, Form::Cloud, false),
-            "mmpf" => (Unscented, Form::EveryMode, true),
-            "imm-pf" => (Unscented, Form::Interacting, true),
+            "imm-ukf" => (unscented, Form::Gaussian, true),
+            "rb-mmpf" => (unscented, Form::Hypotheses, true),
+            "particle" | "sir" | "sis" => (unscented, Form::Cloud, false),
+            "mmpf" => (unscented, Form::EveryMode, true),
+            "imm-pf" => (unscented, Form::Interacting, true),
             _ => {
                 let known: Vec<_> = FILTERS.iter().map(|entry| entry.name).collect();
                 let text = format!("there is no filter `{name}`; known: {}", known.join(", "));

@@ -12,7 +12,7 @@ use crate::belief::{Cloud, Gaussian, GaussianBelief, Hypotheses, Hypothesis, Mod
 use crate::error::{Error, Result};
 use crate::filter::{
     Filter, GaussianFilter, ImmParticle, Linear, ModalSettings, MultipleModel, ParticleFilter, Prior,
-    Rejuvenation, Settings, SigmaPoints, Tangent, Transform, Update, check_hypotheses, predict_measurement,
+    Rejuvenation, Settings, Tangent, Transform, Update, check_hypotheses, predict_measurement,
     step_hypotheses, step_modes,
 };
 use crate::math::gaussian::LN_2PI;
@@ -307,7 +307,7 @@ impl<A: Motion<N, W> + Clone, const N: usize, const W: usize> Work<N> for Step<'
         match self.family {
             Family::Kalman => self.by(Linear, sensor, z),
             Family::Extended => self.by(Tangent, sensor, z),
-            Family::Unscented => self.by(SigmaPoints::default(), sensor, z),
+            Family::Unscented(points) => self.by(points, sensor, z),
         }
     }
 }
