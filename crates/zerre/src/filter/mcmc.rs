@@ -237,6 +237,11 @@ where
         };
         let log_evidence = if digest.is_some() { log_mean_exp(&proposals.scores) } else { 0.0 };
         let Some(digest) = digest.filter(|_| log_evidence > f64::NEG_INFINITY) else {
+            if z.is_some() {
+                // The prediction stands.
+                particles.evaluations = self.length;
+                self.propose(cloud, proposals, (step.as_ref(), None));
+            }
             // Predicted states, as far as they are states.
             for i in 0..n {
                 if proposals.states.iter().all(|c| c[i].is_finite()) {
@@ -244,7 +249,6 @@ where
                 }
             }
             cloud.equalise();
-            particles.evaluations = if z.is_some() { self.length } else { 0 };
             let outcome = if z.is_some() { Outcome::Degenerate } else { Outcome::Predicted };
             return Ok(Update { outcome, log_evidence, particles: Some(particles) });
         };

@@ -57,6 +57,9 @@ where
 
     fn step(&self, belief: &mut MovedCloud<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
         let from = belief.cloud.time;
+        if to < from {
+            return Err(Error::OutOfOrder { from, to });
+        }
         let takes_time = z.is_some() && to > from;
         let density = takes_time
             .then(|| TransitionDensity::over(self.filter.motion(), from, to, &belief.cloud.mean()))
