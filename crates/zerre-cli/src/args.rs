@@ -274,7 +274,8 @@ pub struct Reproduce {
     #[arg(long, value_name = "N", requires = "paper")]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
-    /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's, separated by commas
+    /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's,
+    /// separated by commas
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,

@@ -92,8 +92,9 @@ fn the_grid_is_spanned_scored_and_ranked() {
     }
     assert!(value("kalman", 4.0, "rmse")[0] > value("kalman", 1.0, "rmse")[0]);
     assert!(value("bootstrap", 4.0, "rmse").iter().all(|rmse| *rmse > value("kalman", 4.0, "rmse")[0]));
-    // Nine intervals of ten hold the truth: 60 runs of 10 steps and two components, of which neighbours depend on each
-    // other; were only every fifth of the 1 200 a draw of its own, five standard errors are 0.1.
+    // Nine intervals of ten hold the truth: 60 runs of 10 steps and two components, of which neighbours
+    // depend on each other; were only every fifth of the 1 200 a draw of its own, five standard errors are
+    // 0.1.
     assert!((value("kalman", 1.0, "coverage90")[0] - 0.9).abs() < 0.1);
     let page = read("report.html");
     for text in ["Ranking", "least error with", "does not apply", "as good as the first", "<circle"] {

@@ -2,7 +2,8 @@
 //!
 //! A table is read row by row ([`TableReader`]) or whole and in order of time ([`Recording`]); its columns are the
 //! list [`COLUMNS`], and tables with their own column names are [`Format`]s over the same reader. Estimates and
-//! truth are [`Trajectories`], results are a [`TrackTable`] or columns ([`write_results`]), and every file appears whole or not at all
+//! truth are [`Trajectories`], results are a [`TrackTable`] or columns ([`write_results`]), and every file
+//! appears whole or not at all
 //! ([`write_atomically`]).
 //!
 //! ```

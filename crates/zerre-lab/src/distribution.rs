@@ -45,7 +45,8 @@ pub(crate) fn student_tail(t: f64, degrees: f64) -> f64 {
     if t < 0.0 { 1.0 - tail } else { tail }
 }
 
-/// The t with P(T <= t) = `probability` (at least 1/2, below 1) of Student's t, by bisection of [`student_tail`].
+/// The t with P(T <= t) = `probability` (at least 1/2, below 1) of Student's t, by bisection of
+/// [`student_tail`].
 pub(crate) fn student_quantile(probability: f64, degrees: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     while student_tail(high, degrees) > 1.0 - probability && high < 1e300 {

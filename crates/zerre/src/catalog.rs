@@ -63,8 +63,8 @@ pub const MOTIONS: &[Entry] = &[
     ),
 ];
 
-/// The motions of [`model::motion`](crate::model::motion) that [`track`](crate::track) does not make by name: of one
-/// component, or of a benchmark.
+/// The motions of [`model::motion`](crate::model::motion) that [`track`](crate::track) does not make by name:
+/// of one component, or of a benchmark.
 pub const SERIES: &[Entry] = &[
     entry(
         "autoregressive",

@@ -13,8 +13,8 @@ fn seconds(k: u32) -> Time {
     Time::from_secs(f64::from(k))
 }
 
-/// Largest distances of a grid from Kalman over `steps`: of means and standard deviations in standard deviations,
-/// of the log-evidence of a step.
+/// Largest distances of a grid from Kalman over `steps`: of means and standard deviations in standard
+/// deviations, of the log-evidence of a step.
 fn against_kalman<A, H, const N: usize, const W: usize, const M: usize>(
     grid: &Grid<N, W, A, H>,
     kalman: &Kalman<A, H, N, W, M>,
@@ -48,9 +48,10 @@ where
     worst
 }
 
-/// In one dimension sums over nodes of a smooth density are exact to what lies beyond the support, 1e-17 of the law.
-/// The first measurement narrows a law that did not move: cubic interpolation at 0.036 of its standard deviations, 0.1
-/// of the posterior's, is off by 3 / 128 0.1^4 3 = 7e-6 at most, and by much less on the average over the nodes.
+/// In one dimension sums over nodes of a smooth density are exact to what lies beyond the support, 1e-17 of
+/// the law. The first measurement narrows a law that did not move: cubic interpolation at 0.036 of its
+/// standard deviations, 0.1 of the posterior's, is off by 3 / 128 0.1^4 3 = 7e-6 at most, and by much less on
+/// the average over the nodes.
 #[test]
 fn a_linear_world_of_one_dimension_is_exact() {
     let prior = Gaussian::new([1.0], Matrix([[4.0]])).unwrap();
@@ -69,9 +70,9 @@ fn a_linear_world_of_one_dimension_is_exact() {
     assert!(worst.iter().all(|&w| w < 1e-6), "{worst:?}");
 }
 
-/// In several dimensions the deposit's spline lacks a fourth cumulant of 0.0016 noise variances squared, per axis. Of the
-/// density that is 0.0016 / 24 H_4 per step: 2e-4 at most where the law is as narrow as the noise, and the measurement
-/// forgets it within a few steps.
+/// In several dimensions the deposit's spline lacks a fourth cumulant of 0.0016 noise variances squared, per
+/// axis. Of the density that is 0.0016 / 24 H_4 per step: 2e-4 at most where the law is as narrow as the
+/// noise, and the measurement forgets it within a few steps.
 #[test]
 fn a_linear_world_of_two_dimensions_is_exact_to_the_spacing() {
     let prior = Gaussian::independent([0.0, 1.0], [1.0, 0.3]).unwrap();
@@ -114,8 +115,8 @@ where
         .collect()
 }
 
-/// Truth, measurements and the two grids of a growth model: the largest changes of means and evidences, and the error
-/// of the mean.
+/// Truth, measurements and the two grids of a growth model: the largest changes of means and evidences, and
+/// the error of the mean.
 fn halved<A, H>(motion: A, sensor: H, first: f64, prior: Gaussian<1>, steps: u32, nodes: usize) -> [f64; 3]
 where
     A: Motion<1, 1> + Clone,
@@ -155,8 +156,9 @@ fn growth_models_do_not_depend_on_the_spacing() {
     assert!(worst[0] < 1e-3 && worst[1] < 1e-3, "univariate growth: {worst:?}");
 }
 
-/// Measurements a thousand times finer than the prediction: the standard deviation of the posterior is sqrt(1e-5) over
-/// the slope of the sensor, 0.4 x or 0.5, at most 0.0063 for x above 1; five times that covers three runs of 60 steps.
+/// Measurements a thousand times finer than the prediction: the standard deviation of the posterior is
+/// sqrt(1e-5) over the slope of the sensor, 0.4 x or 0.5, at most 0.0063 for x above 1; five times that
+/// covers three runs of 60 steps.
 #[test]
 fn the_support_follows_sharp_measurements() {
     let motion = motion::UpfGrowth::new(3.0, 2.0).unwrap();
@@ -165,8 +167,9 @@ fn the_support_follows_sharp_measurements() {
     assert!(worst[0] < 1e-4 && worst[1] < 1e-3 && worst[2] < 0.03, "{worst:?}");
 }
 
-/// Two sharp measurements at the very start, and one at an instant already predicted: nothing moves, and the nodes
-/// are interpolated. Cubic interpolation of a normal law at 0.036 of its standard deviations is good to 1e-7.
+/// Two sharp measurements at the very start, and one at an instant already predicted: nothing moves, and the
+/// nodes are interpolated. Cubic interpolation of a normal law at 0.036 of its standard deviations is good to
+/// 1e-7.
 #[test]
 fn measurements_of_one_instant_add_up() {
     let prior = Gaussian::new([1.0], Matrix([[4.0]])).unwrap();
@@ -201,8 +204,8 @@ fn quantiles_are_those_of_the_law() {
     let grid = Grid::new(one, RandomWalk::<1>::new(1.0).unwrap(), sensor).unwrap();
     let belief = grid.start(Time::ZERO, Stream::new(0)).unwrap();
     for (found, e) in belief.quantiles(0, levels).unwrap().iter().zip(expected) {
-        // A cdf that is straight over cells of h = 0.036 standard deviations is off by h^2 / 8 of its curvature,
-        // and the cells widen the law by h^2 / 24: 3.6e-4 standard deviations at 1.64 of them.
+        // A cdf that is straight over cells of h = 0.036 standard deviations is off by h^2 / 8 of its
+        // curvature, and the cells widen the law by h^2 / 24: 3.6e-4 standard deviations at 1.64 of them.
         assert!((found - (3.0 + 2.0 * e)).abs() < 8e-4, "{found} {e}");
     }
     let two = Gaussian::new([0.0, 1.0], Matrix([[1.0, 0.6], [0.6, 4.0]])).unwrap();
@@ -292,7 +295,8 @@ fn impossible_measurements_are_degenerate_and_bad_ones_refused() {
     assert!(matches!(grid.step(&mut belief, Time::ZERO, None), Err(Error::OutOfOrder { .. })));
     assert_eq!(belief.time(), seconds(1));
     assert_eq!(grid.step(&mut belief, seconds(1), Some(&1.0)).unwrap().outcome, Outcome::Updated);
-    // Half of the states are left, with half the probability; the border cuts through a cell of 0.036 deviations.
+    // Half of the states are left, with half the probability; the border cuts through a cell of 0.036
+    // deviations.
     let update = grid.step(&mut belief, seconds(1), Some(&8.0)).unwrap();
     assert!((update.log_evidence - 0.5f64.ln()).abs() < 0.03, "{update:?}");
 }

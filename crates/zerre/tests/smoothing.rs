@@ -1,5 +1,5 @@
-//! Particle smoothers against the exact smoother of a linear world. Tolerances are standard errors, taken from the
-//! spread of independent runs.
+//! Particle smoothers against the exact smoother of a linear world. Tolerances are standard errors, taken
+//! from the spread of independent runs.
 
 use zerre::belief::{Cloud, Gaussian, GaussianBelief};
 use zerre::filter::{Filter, Kalman, ParticleFilter, Settings};
@@ -87,9 +87,9 @@ fn history(seed: u64) -> History<2> {
     history
 }
 
-/// Estimates of independent runs have the expected mean to 6 of its standard errors; 1e-3 more for the bias, which is
-/// of the order of the variances, about 1, over the number of particles, here 2.5e-3, on the average less. Errors are
-/// `most` at most.
+/// Estimates of independent runs have the expected mean to 6 of its standard errors; 1e-3 more for the bias,
+/// which is of the order of the variances, about 1, over the number of particles, here 2.5e-3, on the average
+/// less. Errors are `most` at most.
 fn agree(what: &str, estimates: &[Vec<f64>], expected: &[f64], most: f64) {
     for (i, &expected) in expected.iter().enumerate() {
         let n = estimates.len() as f64;

@@ -1,4 +1,5 @@
-//! Three time series of the literature, with log-likelihoods and filtered moments that were computed elsewhere.
+//! Three time series of the literature, with log-likelihoods and filtered moments that were computed
+//! elsewhere.
 
 mod common;
 
@@ -24,8 +25,8 @@ fn reference(file: &str) -> Option<[Vec<f64>; 3]> {
     Some([column(file, 2, 1)?, column(file, 3, 1)?, column(file, 4, 1)?])
 }
 
-/// Log-evidence of all measurements, the first of them at the time of the prior, and largest distances from the
-/// reference: of the sums of the log-evidence, of the means, of the variances.
+/// Log-evidence of all measurements, the first of them at the time of the prior, and largest distances from
+/// the reference: of the sums of the log-evidence, of the means, of the variances.
 fn against<F: Filter<Measurement = [f64; 1]>>(
     filter: &F,
     data: &[f64],
@@ -76,8 +77,8 @@ fn moments(x: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (mean, x.map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// The mean of the evidence over the exact one is 1, because a particle filter's evidence is unbiased; the standard
-/// error is that of the runs' spread.
+/// The mean of the evidence over the exact one is 1, because a particle filter's evidence is unbiased; the
+/// standard error is that of the runs' spread.
 fn unbiased(errors: &[f64]) {
     let (mean, variance) = moments(errors.iter().map(|e| e.exp()));
     let error = (variance / errors.len() as f64).sqrt();
@@ -147,9 +148,9 @@ fn neuron() {
     assert!((sum - -3_595.298_067_056).abs() < 1e-6, "{sum}");
     assert!(worst.iter().all(|&w| w < 1e-6), "{worst:?}");
     unbiased(&evidence_errors(model, &counts[..200], expected[0][199], (50, 10_000)));
-    // Over all 3 000 instants the evidence of 20 000 particles scatters by e^3: the mean of so few runs says nothing,
-    // but its logarithm is normal with mean -s^2 / 2 (Berard, Del Moral and Doucet 2014). The variance of the mean
-    // of n logarithms is s^2 / n, that of half their sample variance s^4 / 2 (n - 1).
+    // Over all 3 000 instants the evidence of 20 000 particles scatters by e^3: the mean of so few runs says
+    // nothing, but its logarithm is normal with mean -s^2 / 2 (Berard, Del Moral and Doucet 2014). The
+    // variance of the mean of n logarithms is s^2 / n, that of half their sample variance s^4 / 2 (n - 1).
     let n = 8;
     let errors = evidence_errors(model, &counts, -3_595.298_067_056, (n, 20_000));
     let (mean, variance) = moments(errors.iter().copied());

@@ -1,4 +1,5 @@
-//! What commands that compute experiments share: work that goes on where it stopped, a folder, a record, a page.
+//! What commands that compute experiments share: work that goes on where it stopped, a folder, a record, a
+//! page.
 
 use super::{simd, threads};
 use crate::Exit;

@@ -41,7 +41,8 @@ pub fn crps_sample(values: &[f64], weights: &[f64], truth: f64) -> Result<f64> {
     Ok(crps_sorted(&sorted, truth))
 }
 
-/// The score of (value, weight) in the order of the values: finite, at least one weight above zero and none below.
+/// The score of (value, weight) in the order of the values: finite, at least one weight above zero and none
+/// below.
 pub(crate) fn crps_sorted(sorted: &[(f64, f64)], truth: f64) -> f64 {
     let total: f64 = sorted.iter().map(|(_, weight)| weight).sum();
     // F is constant between neighbours, so the integral is a sum over gaps, split where the truth lies; before the
@@ -75,10 +76,10 @@ pub fn crps_gaussian(mean: f64, standard_deviation: f64, truth: f64) -> Result<f
     Ok(distance(truth - mean, standard_deviation) - standard_deviation / PI.sqrt())
 }
 
-/// The score of a mixture of normal laws, parts as (weight, mean, standard deviation): finite, weights not negative
-/// and not all zero, standard deviations not negative. Closed form in O(n^2): E|X - y| - E|X - X'| / 2 with the mean
-/// absolute value of each normal difference (Grimit, Gneiting, Berrocal and Johnson, Quarterly J. of the Royal
-/// Meteorological Society 132, 2006).
+/// The score of a mixture of normal laws, parts as (weight, mean, standard deviation): finite, weights not
+/// negative and not all zero, standard deviations not negative. Closed form in O(n^2): E|X - y| - E|X - X'| /
+/// 2 with the mean absolute value of each normal difference (Grimit, Gneiting, Berrocal and Johnson,
+/// Quarterly J. of the Royal Meteorological Society 132, 2006).
 pub(crate) fn crps_mixture(parts: &[(f64, f64, f64)], truth: f64) -> f64 {
     let total: f64 = parts.iter().map(|(weight, ..)| weight).sum();
     let mut score = 0.0;
@@ -181,7 +182,8 @@ mod tests {
             let points = crps_sample(&[0.0, 1.0], &[1.0, 3.0], truth).unwrap();
             assert!((crps_mixture(&[(1.0, 0.0, 0.0), (3.0, 1.0, 0.0)], truth) - points).abs() < 1e-12);
         }
-        // By quadrature: the integral of (F(x) - [x >= y])^2 with steps of 1e-3, whose error is below the step.
+        // By quadrature: the integral of (F(x) - [x >= y])^2 with steps of 1e-3, whose error is below the
+        // step.
         let parts = [(0.3, -2.0, 0.5), (0.7, 1.0, 1.5)];
         let cdf = |x: f64| parts.iter().map(|(w, m, s)| w * normal_cdf((x - m) / s)).sum::<f64>();
         let sum: f64 = (-20_000..20_000)

@@ -49,8 +49,8 @@ pub struct Row {
     pub trigger: Option<String>,
     /// Likelihood evaluations a step.
     pub evaluations: usize,
-    /// `rmse`, `crps`, `coverage90`, `log_evidence`, `failures` (share of runs with a measurement of no likelihood, or
-    /// a refusal), `microseconds_per_step`.
+    /// `rmse`, `crps`, `coverage90`, `log_evidence`, `failures` (share of runs with a measurement of no
+    /// likelihood, or a refusal), `microseconds_per_step`.
     pub metric: &'static str,
     /// `mean`, or `median` (of times).
     pub statistic: &'static str,

@@ -43,7 +43,7 @@ const fn info(name: &'static str, about: &'static str, source: &'static str, cos
     ContenderInfo { name, about, source, cost }
 }
 
-/// The filters that take part, by name. A new one is a line here and an arm of [`run`]'s `match`.
+/// The filters that take part, by name. A new one is a line here and an arm of `run`'s `match`.
 pub const CONTENDERS: &[ContenderInfo] = &[
     info(
         "kalman",
@@ -164,8 +164,8 @@ impl ContenderInfo {
         matches!(self.cost, Cost::PerParticle(_))
     }
 
-    /// As many particles as `evaluations` a step buy where the noise has `noise` components, at least one; 0 for a
-    /// filter without.
+    /// As many particles as `evaluations` a step buy where the noise has `noise` components, at least one; 0
+    /// for a filter without.
     pub fn particles(&self, evaluations: usize, noise: usize) -> usize {
         match self.cost {
             Cost::Fixed(_) => 0,
@@ -291,8 +291,8 @@ pub fn evaluations(contender: &Contender, (state, noise): (usize, usize)) -> usi
     }
 }
 
-/// Does the runs `which` of `contender` in `place`; `None` if `stop` says so meanwhile. Run number r draws the same
-/// truth and measurements for every filter.
+/// Does the runs `which` of `contender` in `place`; `None` if `stop` says so meanwhile. Run number r draws
+/// the same truth and measurements for every filter.
 ///
 /// # Errors
 /// What the world refuses.
@@ -538,8 +538,8 @@ mod tests {
     }
 
     /// Particle estimates approach the exact ones: of 2 000 particles the mean error of a component is about
-    /// sd / sqrt(ess / 2) with ess above 200, a tenth of the posterior's sd; its effect on an RMSE of the same size is
-    /// half of its square, 0.5 %. Five times that.
+    /// sd / sqrt(ess / 2) with ess above 200, a tenth of the posterior's sd; its effect on an RMSE of the
+    /// same size is half of its square, 0.5 %. Five times that.
     #[test]
     fn on_the_linear_world_particles_agree_with_kalman() {
         let (exact, particles) = (go("linear", "kalman", 0, 0..4), go("linear", "bootstrap", 2000, 0..4));

@@ -14,7 +14,8 @@ pub struct Driven<T> {
     pub degenerate: usize,
     /// Processor time of the thread in the filter itself, s.
     pub seconds: f64,
-    /// Why the filter went no further; `None` at the end of the record, and where it had no estimate any more.
+    /// Why the filter went no further; `None` at the end of the record, and where it had no estimate any
+    /// more.
     pub refusal: Option<Error>,
 }
 

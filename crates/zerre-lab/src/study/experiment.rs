@@ -1,5 +1,5 @@
-//! What experiments share: cells of a grid that are computed one by one, kept, gone on with later, and made rows,
-//! tables and a page of in the end.
+//! What experiments share: cells of a grid that are computed one by one, kept, gone on with later, and made
+//! rows, tables and a page of in the end.
 
 use super::table::Table;
 use crate::report::study::StudyReport;
@@ -8,8 +8,8 @@ use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use zerre::Result;
 
-/// A grid of work. An outcome depends on the experiment and its cell alone, so that neither the number of threads nor
-/// an interruption changes it.
+/// A grid of work. An outcome depends on the experiment and its cell alone, so that neither the number of
+/// threads nor an interruption changes it.
 pub trait Experiment: Sync {
     /// One piece of the work; the order is that of the rows.
     type Cell: Clone + Ord + Send + Sync;
@@ -43,8 +43,8 @@ pub trait Experiment: Sync {
         0
     }
 
-    /// Takes times, in one thread and after all cells; `None` if `stop` says so meanwhile, or if there is nothing to
-    /// time. `done` hears of each round.
+    /// Takes times, in one thread and after all cells; `None` if `stop` says so meanwhile, or if there is
+    /// nothing to time. `done` hears of each round.
     ///
     /// # Errors
     /// As [`Experiment::work`].

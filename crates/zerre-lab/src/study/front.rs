@@ -1,7 +1,7 @@
 //! Who is best at what price.
 
-/// Which of (cost, loss) no other beats in both, or in one at no loss in the other: the Pareto front. Points with a
-/// number that is not finite are never on it.
+/// Which of (cost, loss) no other beats in both, or in one at no loss in the other: the Pareto front. Points
+/// with a number that is not finite are never on it.
 pub fn front(points: &[[f64; 2]]) -> Vec<bool> {
     let sound = |p: &[f64; 2]| p.iter().all(|v| v.is_finite());
     let beats = |a: &[f64; 2], b: &[f64; 2]| sound(a) && a[0] <= b[0] && a[1] <= b[1] && a != b;

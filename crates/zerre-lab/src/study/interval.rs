@@ -77,8 +77,8 @@ impl Bootstraps {
     }
 }
 
-/// Mean with its 95 % interval by Student's t; of a single value the interval is the value. `None` of none, and where
-/// a value is no number.
+/// Mean with its 95 % interval by Student's t; of a single value the interval is the value. `None` of none,
+/// and where a value is no number.
 pub fn mean_interval(values: &[f64]) -> Option<Estimate> {
     let n = values.len() as f64;
     let value = values.iter().sum::<f64>() / n;

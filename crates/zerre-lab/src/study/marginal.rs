@@ -93,8 +93,8 @@ impl Marginal {
         }
     }
 
-    /// Whether `truth` lies in the central interval of this probability. The ends of a sample's are the smallest
-    /// values whose cumulative weight reaches (1 - p) / 2 and (1 + p) / 2.
+    /// Whether `truth` lies in the central interval of this probability. The ends of a sample's are the
+    /// smallest values whose cumulative weight reaches (1 - p) / 2 and (1 + p) / 2.
     pub fn covers(&self, truth: f64, probability: f64) -> bool {
         let (below, upto) = self.cumulative(truth);
         upto >= 0.5 * (1.0 - probability) && below < 0.5 * (1.0 + probability)
@@ -185,8 +185,9 @@ mod tests {
     use zerre::belief::Gaussian;
     use zerre::rng::{Purpose, Stream};
 
-    /// All three forms of one normal law agree: mean, sd and score of 20 000 draws within 5 standard errors (sd / 141,
-    /// sd / 200; the score moves by at most the error of a draw over n, so its standard error is below sd / 141).
+    /// All three forms of one normal law agree: mean, sd and score of 20 000 draws within 5 standard errors
+    /// (sd / 141, sd / 200; the score moves by at most the error of a draw over n, so its standard error is
+    /// below sd / 141).
     #[test]
     fn the_forms_of_one_law_agree() {
         let (mean, sd) = (3.0, 2.0);

@@ -162,7 +162,8 @@ impl<T> Many<T> {
     }
 }
 
-// By hand, because derived readers of untagged values say of a bad one that nothing fits, not what is wrong with it.
+// By hand, because derived readers of untagged values say of a bad one that nothing fits, not what is wrong
+// with it.
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Many<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Either<T>(PhantomData<T>);
@@ -428,7 +429,8 @@ mod tests {
         }
     }
 
-    /// Three worlds; one filter without particles, two budgets times two triggers, and one that is there already.
+    /// Three worlds; one filter without particles, two budgets times two triggers, and one that is there
+    /// already.
     #[test]
     fn lists_span_the_grid_and_nothing_stands_twice() {
         let grid = spec().comparison(1).unwrap();

@@ -76,8 +76,8 @@ impl Place {
         Some(Place { world, measurement_variance: None, process_variance: None, steps: None })
     }
 
-    /// The random numbers of run number `run`: truth and measurements of every filter and every noise come from the
-    /// same draws.
+    /// The random numbers of run number `run`: truth and measurements of every filter and every noise come
+    /// from the same draws.
     pub fn luck(&self, seed: u64, run: usize) -> Stream {
         Stream::new(seed).fork(STREAM).fork(label(self.world)).fork(run as u64)
     }
@@ -248,8 +248,9 @@ fn positive(what: &'static str, value: f64) -> Result<f64> {
     }
 }
 
-/// The motion of the bearings-only example (Gordon, Salmond and Smith, IEE Proceedings F 140, 1993, section 4.2): a
-/// constant acceleration over each step, of standard deviation `sd` on each axis. State `[x, y, vx, vy]`.
+/// The motion of the bearings-only example (Gordon, Salmond and Smith, IEE Proceedings F 140, 1993, section
+/// 4.2): a constant acceleration over each step, of standard deviation `sd` on each axis. State `[x, y, vx,
+/// vy]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Impulses {
     sd: f64,

@@ -11,7 +11,8 @@ use std::array::from_fn;
 /// Most nodes that a lattice has.
 pub(crate) const MAX_NODES: usize = 1 << 24;
 
-/// Evenly spaced nodes x = A u with u along each axis k at `low[k] + i spacing[k]`; the last axis runs fastest.
+/// Evenly spaced nodes x = A u with u along each axis k at `low[k] + i spacing[k]`; the last axis runs
+/// fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lattice<const N: usize> {
     /// A.
@@ -141,8 +142,8 @@ impl<const N: usize> GridBelief<N> {
         self.evaluations
     }
 
-    /// 1 / sum of the squared probabilities: over how many nodes the law spreads. With less than about three along
-    /// an axis the grid is too coarse for it.
+    /// 1 / sum of the squared probabilities: over how many nodes the law spreads. With less than about three
+    /// along an axis the grid is too coarse for it.
     pub fn effective_nodes(&self) -> f64 {
         1.0 / self.masses.iter().map(|m| m * m).sum::<f64>()
     }

@@ -6,7 +6,8 @@ use crate::moves::{Frozen, Moved};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 
-/// Particles that filters move by Markov kernels: a [`Cloud`] and the memory of the moves. Only the cloud is saved.
+/// Particles that filters move by Markov kernels: a [`Cloud`] and the memory of the moves. Only the cloud is
+/// saved.
 #[derive(Clone, Debug)]
 pub struct MovedCloud<const N: usize> {
     pub(crate) cloud: Cloud<N>,
@@ -18,7 +19,8 @@ pub struct MovedCloud<const N: usize> {
     pub(crate) densities: Vec<f64>,
     pub(crate) frozen: Frozen<N>,
     pub(crate) moved: Moved,
-    /// Proposals of a chain: states, log-likelihoods, and rows of their parents; empty in filters without one.
+    /// Proposals of a chain: states, log-likelihoods, and rows of their parents; empty in filters without
+    /// one.
     pub(crate) proposals: Proposals<N>,
     /// The proposals that the particles are.
     pub(crate) chosen: Vec<u32>,

@@ -1,5 +1,5 @@
-//! The grid (point mass) filter: Bayes' rule on a lattice that follows the law (Bucy and Senne, Automatica 7, 1971;
-//! Simandl, Kralovec and Soderstrom, Automatica 42, 2006).
+//! The grid (point mass) filter: Bayes' rule on a lattice that follows the law (Bucy and Senne, Automatica 7,
+//! 1971; Simandl, Kralovec and Soderstrom, Automatica 42, 2006).
 
 use super::{Filter, Outcome, Update};
 use crate::belief::{Gaussian, GridBelief, Lattice, Workspace};
@@ -19,26 +19,27 @@ const REACH: f64 = 9.0;
 const DEPTH: f64 = 0.5 * REACH * REACH;
 /// Spacing of the lattice that pushed nodes are put on, in standard deviations of the noise.
 const DEPOSIT: f64 = 0.5;
-/// Spacing of the nodes in two and three dimensions, in standard deviations of the noise: a step may spread them
-/// until they are 1 apart.
+/// Spacing of the nodes in two and three dimensions, in standard deviations of the noise: a step may spread
+/// them until they are 1 apart.
 const FINE: f64 = 0.6;
 /// Passes that look for the support, at most: each narrows it to a tenth where the likelihood is sharp.
 const PASSES: usize = 12;
 
-/// A filter on a lattice, for one, two or three components: the law itself up to the spacing of the nodes, however
-/// the models bend it, and so the truth that other filters are compared with.
+/// A filter on a lattice, for one, two or three components: the law itself up to the spacing of the nodes,
+/// however the models bend it, and so the truth that other filters are compared with.
 ///
-/// The motion must have a [`TransitionDensity`]. In one dimension the prediction is the direct sum of the density
-/// over all pairs of nodes. In two and three the axes of the lattice are chosen such that the noise is white and the
-/// prediction uncorrelated along them; the nodes are pushed through the motion and put on a lattice of half a
-/// standard deviation of the noise with quadratic B-splines, which keep mass, mean and covariance, and that is
-/// convolved axis by axis with the rest of the (normal) noise; the fourth cumulant of the noise is off by 0.0016.
+/// The motion must have a [`TransitionDensity`]. In one dimension the prediction is the direct sum of the
+/// density over all pairs of nodes. In two and three the axes of the lattice are chosen such that the noise
+/// is white and the prediction uncorrelated along them; the nodes are pushed through the motion and put on a
+/// lattice of half a standard deviation of the noise with quadratic B-splines, which keep mass, mean and
+/// covariance, and that is convolved axis by axis with the rest of the (normal) noise; the fourth cumulant of
+/// the noise is off by 0.0016.
 ///
 /// After each step the nodes are laid afresh over the support: coarse passes over the predicted law times the
-/// likelihood narrow the box until it holds what lies within e^-40 of the largest density. A likelihood a thousand
-/// times narrower than the prediction is no difficulty; one with several sharp modes far apart needs more nodes, and
-/// [`GridBelief::effective_nodes`] tells. Where the nodes lie too far apart for the noise of a step, they are
-/// interpolated (cubically) first.
+/// likelihood narrow the box until it holds what lies within e^-40 of the largest density. A likelihood a
+/// thousand times narrower than the prediction is no difficulty; one with several sharp modes far apart needs
+/// more nodes, and [`GridBelief::effective_nodes`] tells. Where the nodes lie too far apart for the noise of
+/// a step, they are interpolated (cubically) first.
 #[derive(Clone, Debug)]
 pub struct Grid<const N: usize, const W: usize, M, H> {
     prior: Gaussian<N>,
@@ -68,8 +69,8 @@ where
         Ok(Grid { prior, motion, sensor, nodes, simd: Simd::best() })
     }
 
-    /// The filter with this many nodes along each axis; more where the spread of the law over the noise asks for
-    /// them.
+    /// The filter with this many nodes along each axis; more where the spread of the law over the noise asks
+    /// for them.
     ///
     /// # Errors
     /// Fewer than 16 nodes or more than 2^20.
@@ -289,8 +290,8 @@ where
         (*factor.factor() * turn, Support { low: ranges.map(|r| r.0), high: ranges.map(|r| r.1) })
     }
 
-    /// Finds the support, lays the nodes over it and leaves their log-densities in `work.scores`; `None` where the
-    /// density is zero everywhere.
+    /// Finds the support, lays the nodes over it and leaves their log-densities in `work.scores`; `None`
+    /// where the density is zero everywhere.
     #[allow(clippy::too_many_arguments, reason = "the parts of one step")]
     fn settle(
         &self,
@@ -342,7 +343,8 @@ where
         Ok((pass.most > f64::NEG_INFINITY).then_some((lattice, pass.most)))
     }
 
-    /// Fills `work.scores` with the log-density of the prediction times the likelihood at the nodes of `lattice`.
+    /// Fills `work.scores` with the log-density of the prediction times the likelihood at the nodes of
+    /// `lattice`.
     fn evaluate(
         &self,
         prediction: &Prediction<M, N, W>,
@@ -376,7 +378,8 @@ where
         };
         let mut most = f64::NEG_INFINITY;
         for (score, &density) in work.scores.iter_mut().zip(&work.spread) {
-            // A likelihood that is no number, or infinite, tells nothing of its node: as in the particle filter.
+            // A likelihood that is no number, or infinite, tells nothing of its node: as in the particle
+            // filter.
             let usable = score.is_finite() && density > 0.0;
             *score = if usable { *score + Real::ln(density) } else { f64::NEG_INFINITY };
             most = most.max(*score);
@@ -399,8 +402,8 @@ fn still<A: Motion<N, W>, const N: usize, const W: usize>(
     (Prediction::Still(lattice.clone()), lattice.axes, Support { low: lattice.low, high })
 }
 
-/// How far neighbours along each axis are led apart, in standard deviations of the noise; nodes that hold next to
-/// nothing do not count.
+/// How far neighbours along each axis are led apart, in standard deviations of the noise; nodes that hold
+/// next to nothing do not count.
 fn largest_gaps<const N: usize>(lattice: &Lattice<N>, work: &Workspace<N>, factor: &Cholesky<N>) -> [f64; N] {
     let least = 1e-9 * work.masses.iter().copied().fold(0.0, f64::max);
     from_fn(|k| {
@@ -418,8 +421,8 @@ fn largest_gaps<const N: usize>(lattice: &Lattice<N>, work: &Workspace<N>, facto
     })
 }
 
-/// How far the noise of one dimension carries below and above its centre: all but 2e-19 of it, a gamma law's lower
-/// end exactly.
+/// How far the noise of one dimension carries below and above its centre: all but 2e-19 of it, a gamma law's
+/// lower end exactly.
 fn reach<const N: usize, const W: usize>(noise: Noise, by_noise: &Matrix<N, W>) -> Result<[f64; 2]> {
     let sd = by_noise.0.iter().flatten().map(|g| g * g).sum::<f64>().sqrt();
     let Noise::Gamma { shape } = noise else { return Ok([-REACH * sd, REACH * sd]) };
@@ -442,8 +445,8 @@ fn normalise(masses: &mut [f64]) {
     masses.iter_mut().for_each(|mass| *mass /= sum);
 }
 
-/// The box, one node wider on each side, of the nodes beside which the log-density may come within [`DEPTH`] of the
-/// largest: between nodes it may be higher by about as much as it differs between neighbours.
+/// The box, one node wider on each side, of the nodes beside which the log-density may come within [`DEPTH`]
+/// of the largest: between nodes it may be higher by about as much as it differs between neighbours.
 fn kept<const N: usize>(lattice: &Lattice<N>, scores: &[f64], most: f64) -> Support<N> {
     let (mut first, mut last) = (lattice.count, [0; N]);
     for (i, &score) in scores.iter().enumerate() {
@@ -512,7 +515,8 @@ enum Kernel {
 }
 
 impl Kernel {
-    /// The sources of a target at `at`, counted in nodes of `spacing` of an axis of `count`, and their weights.
+    /// The sources of a target at `at`, counted in nodes of `spacing` of an axis of `count`, and their
+    /// weights.
     fn taps(self, at: f64, spacing: f64, count: usize, out: &mut Vec<(usize, f64)>) {
         let end = (count - 1) as f64;
         let clip =
@@ -547,8 +551,8 @@ impl Kernel {
     }
 }
 
-/// Carries `work.source`, numbers at the nodes of `from`, to the nodes of `to` (of the same axes) in `work.spread`,
-/// axis by axis.
+/// Carries `work.source`, numbers at the nodes of `from`, to the nodes of `to` (of the same axes) in
+/// `work.spread`, axis by axis.
 fn spread<const N: usize>(kernel: Kernel, from: &Lattice<N>, to: &Lattice<N>, work: &mut Workspace<N>) {
     work.spread.clone_from(&work.source);
     for k in 0..N {

@@ -43,16 +43,18 @@ impl Default for McmcSettings {
     }
 }
 
-/// A filter whose particles are the states of a Markov chain on pairs of a parent a and a state x (Khan, Balch and
-/// Dellaert, IEEE Transactions on Pattern Analysis and Machine Intelligence 27, 2005; Septier, Pang, Carmi and Godsill,
-/// IEEE Conference on Acoustics, Speech and Signal Processing, 2009), of law p(z | x) p(x | x_a) / N.
+/// A filter whose particles are the states of a Markov chain on pairs of a parent a and a state x (Khan,
+/// Balch and Dellaert, IEEE Transactions on Pattern Analysis and Machine Intelligence 27, 2005; Septier,
+/// Pang, Carmi and Godsill, IEEE Conference on Acoustics, Speech and Signal Processing, 2009), of law p(z |
+/// x) p(x | x_a) / N.
 ///
-/// Joint proposals draw a parent and let it move; each is accepted with probability min(1, p(z | x') / p(z | x)). Since
-/// they do not depend on where the chain is, all are made and weighed at once, and only the chain walks through them.
-/// Every kept state is then refined by moves with its parent fixed ([`Move`]).
+/// Joint proposals draw a parent and let it move; each is accepted with probability min(1, p(z | x') / p(z |
+/// x)). Since they do not depend on where the chain is, all are made and weighed at once, and only the chain
+/// walks through them. Every kept state is then refined by moves with its parent fixed ([`Move`]).
 ///
-/// The particles have equal weights. The evidence is the mean likelihood of the proposals. The effective sample size is
-/// that of the chain's repetitions before the refinement, and accounts for no other correlation.
+/// The particles have equal weights. The evidence is the mean likelihood of the proposals. The effective
+/// sample size is that of the chain's repetitions before the refinement, and accounts for no other
+/// correlation.
 #[derive(Clone, Debug)]
 pub struct SequentialMcmc<const N: usize, const W: usize, A, H, P = Gaussian<N>> {
     prior: P,
@@ -91,8 +93,8 @@ where
         &self.settings
     }
 
-    /// Makes the proposals of a step, weighed where there is a measurement, from the particles in `cloud.states`: from
-    /// parents that are drawn, or each particle from itself.
+    /// Makes the proposals of a step, weighed where there is a measurement, from the particles in
+    /// `cloud.states`: from parents that are drawn, or each particle from itself.
     fn propose(
         &self,
         cloud: &Cloud<N>,

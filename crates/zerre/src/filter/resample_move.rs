@@ -8,12 +8,12 @@ use crate::moves::{Move, Moved, PathLaw, Sweeps, spread_of};
 use crate::rng::Stream;
 use crate::time::Time;
 
-/// A particle filter that moves its particles by a Markov kernel after each resampling (Gilks and Berzuini, Journal of
-/// the Royal Statistical Society B 63, 2001): particle i with parent a is moved under p(z | x) p(x | x_a), the law that
-/// it is a draw of. The motion must have a transition density.
+/// A particle filter that moves its particles by a Markov kernel after each resampling (Gilks and Berzuini,
+/// Journal of the Royal Statistical Society B 63, 2001): particle i with parent a is moved under p(z | x) p(x
+/// | x_a), the law that it is a draw of. The motion must have a transition density.
 ///
-/// After such a step the belief shows the moved particles with equal weights. Steps that do not resample, and those in
-/// which no time passes, are those of the filter inside.
+/// After such a step the belief shows the moved particles with equal weights. Steps that do not resample, and
+/// those in which no time passes, are those of the filter inside.
 #[derive(Clone, Debug)]
 pub struct ResampleMove<const N: usize, const W: usize, A, H, P = Gaussian<N>> {
     filter: ParticleFilter<N, W, A, H, P>,
@@ -29,7 +29,8 @@ where
     /// Moves the particles of `filter` so many times by `kernel`.
     ///
     /// # Errors
-    /// Parameters of the kernel out of range; a filter that rejuvenates its particles itself. A motion without a density is refused by the first step that takes time.
+    /// Parameters of the kernel out of range; a filter that rejuvenates its particles itself. A motion
+    /// without a density is refused by the first step that takes time.
     pub fn new(filter: ParticleFilter<N, W, A, H, P>, kernel: Move, sweeps: u32) -> Result<Self> {
         if filter.settings().rejuvenation != Rejuvenation::Nothing {
             return Err(Error::Unsupported(
@@ -71,7 +72,8 @@ where
         }
         let mut update = self.filter.step(&mut belief.cloud, to, z)?;
         belief.moved = Moved::default();
-        // A filter that looks ahead has resampled the parents: nothing is pending, and nothing has become alike.
+        // A filter that looks ahead has resampled the parents: nothing is pending, and nothing has become
+        // alike.
         if let (Some(density), Some(digest)) = (&density, &digest)
             && belief.cloud.pending
         {

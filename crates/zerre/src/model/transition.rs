@@ -8,12 +8,12 @@ use crate::model::{Motion, Noise};
 use crate::time::Time;
 use std::array::from_fn;
 
-/// p(x_k | x_{k-1}) of one step of a motion: what grids, backward simulation and moves along a path need, and what
-/// a filter that only draws does without.
+/// p(x_k | x_{k-1}) of one step of a motion: what grids, backward simulation and moves along a path need, and
+/// what a filter that only draws does without.
 ///
-/// With f(x, w) = f(x, E w) + G (w - E w) and the residual r = x_k - f(x_{k-1}, E w), the noise is recovered as
-/// w = E w + G' (G G')^-1 r. Normal noise gives N(r; 0, G G'), also with more components of noise than of the state;
-/// gamma noise, with as many, gives the product of its densities over |det G|.
+/// With f(x, w) = f(x, E w) + G (w - E w) and the residual r = x_k - f(x_{k-1}, E w), the noise is recovered
+/// as w = E w + G' (G G')^-1 r. Normal noise gives N(r; 0, G G'), also with more components of noise than of
+/// the state; gamma noise, with as many, gives the product of its densities over |det G|.
 pub struct TransitionDensity<A: Motion<N, W>, const N: usize, const W: usize> {
     step: A::Step,
     /// G.
@@ -26,13 +26,13 @@ pub struct TransitionDensity<A: Motion<N, W>, const N: usize, const W: usize> {
 }
 
 impl<A: Motion<N, W>, const N: usize, const W: usize> TransitionDensity<A, N, W> {
-    /// The density of the step from `from` to `to`; `near` is a state that the target may be in, where the tangent
-    /// of the motion by its noise is taken.
+    /// The density of the step from `from` to `to`; `near` is a state that the target may be in, where the
+    /// tangent of the motion by its noise is taken.
     ///
     /// # Errors
     /// [`Error::Unsupported`] where there is no density: a step over no time, noise that does not reach every
-    /// component, or enters otherwise than by addition (found by comparing the tangents at two points), gamma noise
-    /// with more components than the state. What the motion refuses.
+    /// component, or enters otherwise than by addition (found by comparing the tangents at two points), gamma
+    /// noise with more components than the state. What the motion refuses.
     pub fn over(motion: &A, from: Time, to: Time, near: &[f64; N]) -> Result<Self> {
         if to == from {
             return Err(Error::Unsupported("a step over no time has no density".to_owned()));
@@ -76,8 +76,8 @@ impl<A: Motion<N, W>, const N: usize, const W: usize> TransitionDensity<A, N, W>
         A::apply(&self.step, from, [from[0].constant(self.noise.mean()); W])
     }
 
-    /// ln p(x_k | x_{k-1}) of one pair of states (or eight), given r = x_k - [`centre`](Self::centre)(x_{k-1}); -inf
-    /// where the step cannot lead.
+    /// ln p(x_k | x_{k-1}) of one pair of states (or eight), given r = x_k -
+    /// [`centre`](Self::centre)(x_{k-1}); -inf where the step cannot lead.
     #[inline(always)]
     pub fn log_residual<R: Real>(&self, residual: [R; N]) -> R {
         let zero = residual[0].constant(0.0);
@@ -196,8 +196,8 @@ mod tests {
         assert_eq!(TransitionDensity::over(&steep, FROM, TO, &[1.0]).unwrap().log_bound(), f64::INFINITY);
     }
 
-    /// The midpoint rule with a twentieth of a standard deviation on smooth densities is exact to rounding; the kink
-    /// of the gamma density at 0 leaves h^3 / 6 times its second derivative 8, here 1e-8.
+    /// The midpoint rule with a twentieth of a standard deviation on smooth densities is exact to rounding;
+    /// the kink of the gamma density at 0 leaves h^3 / 6 times its second derivative 8, here 1e-8.
     #[test]
     fn densities_integrate_to_one() {
         fn mass<A: Motion<1, 1>>(motion: &A, x: f64, sd: f64) -> f64 {

@@ -1,5 +1,5 @@
-//! Markov kernels that leave a law as it is: they spread particles that have become alike, without changing what the
-//! particles stand for. Resample-move and sequential MCMC filters move by them.
+//! Markov kernels that leave a law as it is: they spread particles that have become alike, without changing
+//! what the particles stand for. Resample-move and sequential MCMC filters move by them.
 
 mod path;
 
@@ -22,21 +22,22 @@ use std::array::from_fn;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Move {
-    /// Random-walk Metropolis: x' = x + scale D n with D D' the covariance of all particles, n standard normal,
-    /// accepted with probability min(1, pi(x') / pi(x)). `None` is the scale 2.38 / sqrt(N) (Roberts, Gelman and
-    /// Gilks, Annals of Applied Probability 7, 1997).
+    /// Random-walk Metropolis: x' = x + scale D n with D D' the covariance of all particles, n standard
+    /// normal, accepted with probability min(1, pi(x') / pi(x)). `None` is the scale 2.38 / sqrt(N) (Roberts,
+    /// Gelman and Gilks, Annals of Applied Probability 7, 1997).
     RandomWalk {
         /// Standard deviation of a proposal in those of the particles.
         scale: Option<f64>,
     },
-    /// The stretch move along the line through a particle of the other half, x' = y + z (x - y) with z uniform on
-    /// (0, 2), accepted with probability min(1, z^(N-2) pi(x') / pi(x)) where z > 1/2 and never elsewhere: the move
-    /// of the artificial bee colony with the factor that makes it exact (Goodman and Weare, Communications in Applied
-    /// Mathematics and Computational Science 5, 2010, for this law of z). It needs no covariance.
+    /// The stretch move along the line through a particle of the other half, x' = y + z (x - y) with z
+    /// uniform on (0, 2), accepted with probability min(1, z^(N-2) pi(x') / pi(x)) where z > 1/2 and never
+    /// elsewhere: the move of the artificial bee colony with the factor that makes it exact (Goodman and
+    /// Weare, Communications in Applied Mathematics and Computational Science 5, 2010, for this law of z). It
+    /// needs no covariance.
     Stretch,
-    /// Gibbs sampling: one component after the other is drawn from its law given the others, by slices (Neal, Annals
-    /// of Statistics 31, 2003; an interval of four standard deviations about the particle, which shrinks until a
-    /// point of the slice is met).
+    /// Gibbs sampling: one component after the other is drawn from its law given the others, by slices (Neal,
+    /// Annals of Statistics 31, 2003; an interval of four standard deviations about the particle, which
+    /// shrinks until a point of the slice is met).
     Gibbs,
 }
 
@@ -64,8 +65,8 @@ impl std::ops::AddAssign for Moved {
 
 /// The laws that particles are moved under: each may have its own.
 pub(crate) trait Law<const N: usize>: Sync {
-    /// Writes ln pi(x), up to a constant of each particle, of the particles `first..first + out.len()` at `states`.
-    /// NaN counts as impossible.
+    /// Writes ln pi(x), up to a constant of each particle, of the particles `first..first + out.len()` at
+    /// `states`. NaN counts as impossible.
     fn log_density(&self, first: usize, states: &[&[f64]; N], out: &mut [f64]);
 }
 
@@ -166,8 +167,8 @@ impl Move {
     }
 }
 
-/// One Metropolis-Hastings step of the particles of a range. `propose` gives a proposal for the state of a particle and
-/// what its log-density gains by an asymmetric proposal.
+/// One Metropolis-Hastings step of the particles of a range. `propose` gives a proposal for the state of a
+/// particle and what its log-density gains by an asymmetric proposal.
 fn metropolis<const N: usize>(
     walk: &Walk<'_, N>,
     states: &mut [Vec<f64>; N],

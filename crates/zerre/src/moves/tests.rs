@@ -32,14 +32,15 @@ fn walk(threads: &Threads, step: u64) -> Walk<'_, 2> {
     Walk { stream: Stream::new(5), step, threads, spread }
 }
 
-/// Means of x, x^2, x^3, y, y^2 and xy against E x^k = 4, 20, 120, 840 (k = 1..4), E y = 2, E y^2 = 1 + 20 / 4 and
-/// E xy = 10, in standard deviations of one draw.
+/// Means of x, x^2, x^3, y, y^2 and xy against E x^k = 4, 20, 120, 840 (k = 1..4), E y = 2, E y^2 = 1 + 20 /
+/// 4 and E xy = 10, in standard deviations of one draw.
 fn moments(states: &[Vec<f64>; 2]) -> [f64; 6] {
     let [x, y] = states;
     let mean =
         |f: &dyn Fn(f64, f64) -> f64| x.iter().zip(y).map(|(&x, &y)| f(x, y)).sum::<f64>() / x.len() as f64;
     // Standard deviations: of x 2; of x^2 sqrt(840 - 400); of x^3 sqrt(E x^6 - 120^2) with E x^6 = 9! / 3!;
-    // of y sqrt 2; of y^2 sqrt(E y^4 - 36), E y^4 = 840 / 16 + 6 * 20 / 4 + 3; of xy sqrt(E x^4 / 4 + E x^2 - 100).
+    // of y sqrt 2; of y^2 sqrt(E y^4 - 36), E y^4 = 840 / 16 + 6 * 20 / 4 + 3; of xy sqrt(E x^4 / 4 + E x^2 -
+    // 100).
     let sd_cube = (362_880.0f64 / 6.0 - 14_400.0).sqrt();
     [
         (mean(&|x, _| x) - 4.0) / 2.0,
@@ -51,8 +52,8 @@ fn moments(states: &[Vec<f64>; 2]) -> [f64; 6] {
     ]
 }
 
-/// Independent draws of the law stay independent draws of it, except that the stretch move ties particles weakly to
-/// their partners: means of n of them stay within six standard errors.
+/// Independent draws of the law stay independent draws of it, except that the stretch move ties particles
+/// weakly to their partners: means of n of them stay within six standard errors.
 #[test]
 fn draws_of_a_law_stay_draws_of_it() {
     let n = 60_000;
@@ -100,8 +101,8 @@ fn the_law_is_found_from_elsewhere() {
     }
 }
 
-/// Without its factor z^(N-2) the stretch move, here on one component, settles on a law that is too narrow: the test
-/// above can tell.
+/// Without its factor z^(N-2) the stretch move, here on one component, settles on a law that is too narrow:
+/// the test above can tell.
 #[test]
 fn the_factor_of_the_stretch_move_matters() {
     struct Normal;

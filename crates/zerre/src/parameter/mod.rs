@@ -2,7 +2,7 @@
 //!
 //! A method asks for one thing only: the log-likelihood of all measurements at a value of the parameters, as
 //! a closure of that value and of a [`Stream`]. [`log_likelihood`] gives it for any
-//! [`Filter`](crate::filter::Filter): exactly with a Kalman filter, as an estimate whose exponential is
+//! [`Filter`]: exactly with a Kalman filter, as an estimate whose exponential is
 //! unbiased with a particle filter.
 
 mod chain;

@@ -1,5 +1,5 @@
-//! Forward filtering, backward simulation (Godsill, Doucet and West, Journal of the American Statistical Association
-//! 99, 2004).
+//! Forward filtering, backward simulation (Godsill, Doucet and West, Journal of the American Statistical
+//! Association 99, 2004).
 
 use super::history::{History, Record, Smoothed};
 use crate::error::{Error, Result};
@@ -13,17 +13,18 @@ use std::array::from_fn;
 /// How the particle before a given state is drawn: with probability proportional to w_i p(x_{k+1} | x_k^i).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Backward {
-    /// Exactly, by proposals from the weights that are accepted with p / sup p (Douc, Garivier, Moulines and Olsson,
-    /// Annals of Applied Probability 21, 2011), and after this many refusals by the sum over all particles (Taghavi,
-    /// Lindsten, Svensson and Schon 2013). Steps where few draws end by a proposal go to the sum at once.
+    /// Exactly, by proposals from the weights that are accepted with p / sup p (Douc, Garivier, Moulines and
+    /// Olsson, Annals of Applied Probability 21, 2011), and after this many refusals by the sum over all
+    /// particles (Taghavi, Lindsten, Svensson and Schon 2013). Steps where few draws end by a proposal go to
+    /// the sum at once.
     Rejection {
         /// Proposals before the sum.
         tries: u32,
     },
-    /// From the particle that the filter took it from, by this many moves of a Markov chain with proposals from the
-    /// weights (Bunch and Godsill, IEEE Transactions on Signal Processing 61, 2013): the cost does not depend on the
-    /// number of particles. Too few moves beside what a proposal needs to be accepted, and the paths stay close to
-    /// the filter's own, which are few.
+    /// From the particle that the filter took it from, by this many moves of a Markov chain with proposals
+    /// from the weights (Bunch and Godsill, IEEE Transactions on Signal Processing 61, 2013): the cost does
+    /// not depend on the number of particles. Too few moves beside what a proposal needs to be accepted, and
+    /// the paths stay close to the filter's own, which are few.
     Moves {
         /// Number of moves.
         count: u32,
@@ -91,8 +92,8 @@ impl<const N: usize> Paths<N> {
 /// `count` paths through the recorded particles, drawn backwards in time.
 ///
 /// # Errors
-/// An empty history, no paths or more than 2^26; a motion without [`TransitionDensity`]; a state that no particle
-/// before it leads to (the history is of another motion).
+/// An empty history, no paths or more than 2^26; a motion without [`TransitionDensity`]; a state that no
+/// particle before it leads to (the history is of another motion).
 pub fn backward_paths<A, const N: usize, const W: usize>(
     motion: &A,
     history: &History<N>,
@@ -196,7 +197,8 @@ impl<const N: usize> Tables<N> {
         Ok(Some(density))
     }
 
-    /// Draws the particle of `record` that a path passes before `to`; `parent` is the one that the filter led there.
+    /// Draws the particle of `record` that a path passes before `to`; `parent` is the one that the filter led
+    /// there.
     pub(super) fn draw<A: Motion<N, W>, const W: usize>(
         &mut self,
         density: &TransitionDensity<A, N, W>,
@@ -302,8 +304,8 @@ impl<const N: usize> Tables<N> {
     }
 }
 
-/// Draws indices by weight in constant time on average: a table of where to begin looking in the cumulative sums
-/// (Chen and Asau 1974).
+/// Draws indices by weight in constant time on average: a table of where to begin looking in the cumulative
+/// sums (Chen and Asau 1974).
 #[derive(Clone, Debug, Default)]
 struct Guide {
     cumulative: Vec<f64>,

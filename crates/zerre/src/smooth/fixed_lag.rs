@@ -4,10 +4,11 @@ use super::history::{History, Smoothed};
 use crate::error::Result;
 
 impl<const N: usize> History<N> {
-    /// The law of the state `lag` records before the last one, given all that is recorded: the ancestors of the last
-    /// particles with their weights. It needs no transition density; with a window of `lag + 1` records it runs along
-    /// with the filter. Ancestors become few as the lag grows: take [`backward_paths`](super::backward_paths) for lags
-    /// beyond some tens of steps. With lag 0 it is the filter.
+    /// The law of the state `lag` records before the last one, given all that is recorded: the ancestors of
+    /// the last particles with their weights. It needs no transition density; with a window of `lag + 1`
+    /// records it runs along with the filter. Ancestors become few as the lag grows: take
+    /// [`backward_paths`](super::backward_paths) for lags beyond some tens of steps. With lag 0 it is the
+    /// filter.
     ///
     /// # Errors
     /// [`Error::Shape`](crate::Error::Shape) where there are not so many records.

@@ -7,8 +7,8 @@ use crate::time::Time;
 use std::array::from_fn;
 use std::collections::VecDeque;
 
-/// The clouds of a [`ParticleFilter`](crate::filter::ParticleFilter) after each of its steps, predictions included,
-/// each with the weights that its particles had before resampling: what smoothers work on.
+/// The clouds of a [`ParticleFilter`](crate::filter::ParticleFilter) after each of its steps, predictions
+/// included, each with the weights that its particles had before resampling: what smoothers work on.
 #[derive(Clone, Debug, Default)]
 pub struct History<const N: usize> {
     records: VecDeque<Record<N>>,
@@ -46,8 +46,8 @@ impl<const N: usize> History<N> {
     /// Takes in the cloud after a step (and the one before the first). Several steps at one instant are fine.
     ///
     /// # Errors
-    /// A step back in time, another number of particles than before, a cloud whose particles are all lost. The history
-    /// is then as it was.
+    /// A step back in time, another number of particles than before, a cloud whose particles are all lost.
+    /// The history is then as it was.
     pub fn record(&mut self, cloud: &Cloud<N>) -> Result<()> {
         if let Some(last) = self.records.back() {
             if cloud.time < last.time {

@@ -8,8 +8,9 @@ use crate::model::Motion;
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 
-/// Smooths `K` additive functions of the path, sum over k of s(x_k, x_{k+1}), along with the filter: each particle
-/// carries its expectation of the sum over the paths that lead to it, renewed from a few backward draws.
+/// Smooths `K` additive functions of the path, sum over k of s(x_k, x_{k+1}), along with the filter: each
+/// particle carries its expectation of the sum over the paths that lead to it, renewed from a few backward
+/// draws.
 #[derive(Clone, Debug)]
 pub struct Paris<const N: usize, const K: usize> {
     how: Backward,
@@ -36,8 +37,8 @@ pub struct PathStep<const N: usize> {
 }
 
 impl<const N: usize, const K: usize> Paris<N, K> {
-    /// Begins at a cloud with the sums that `first` gives to its states, with two backward draws for each particle and
-    /// step: one does not suffice (the paths would degenerate), more than two gain little.
+    /// Begins at a cloud with the sums that `first` gives to its states, with two backward draws for each
+    /// particle and step: one does not suffice (the paths would degenerate), more than two gain little.
     ///
     /// # Errors
     /// Sums that are not finite; a cloud whose particles are all lost.
@@ -63,12 +64,12 @@ impl<const N: usize, const K: usize> Paris<N, K> {
         Ok(Paris { draws, ..self })
     }
 
-    /// Takes in the cloud after a step of the filter; `term` is s. Where no time passes each particle keeps its one
-    /// predecessor, and `term` sees the state twice.
+    /// Takes in the cloud after a step of the filter; `term` is s. Where no time passes each particle keeps
+    /// its one predecessor, and `term` sees the state twice.
     ///
     /// # Errors
-    /// What [`History::record`] and [`backward_paths`](super::backward_paths) refuse; terms that are not finite. The
-    /// sums cannot go on then.
+    /// What [`History::record`] and [`backward_paths`](super::backward_paths) refuse; terms that are not
+    /// finite. The sums cannot go on then.
     pub fn step<A: Motion<N, W>, const W: usize>(
         &mut self,
         motion: &A,

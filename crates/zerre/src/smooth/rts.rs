@@ -31,8 +31,8 @@ where
 /// [`SigmaPoints::cubature`](crate::filter::SigmaPoints::cubature) that of cubature. Take the transform that
 /// filtered.
 ///
-/// One step back with x before the step, y = f(x, w) after it and the gain G = Cov[x, y] Cov[y]^-1: the mean
-/// moves by G times what the mean of y moved, and the covariance is summed from squares, Cov[x - G y] + G P_s
+/// One step back with x before the step, y = f(x, w) after it and the gain G = Cov(x, y) Cov(y)^-1: the mean
+/// moves by G times what the mean of y moved, and the covariance is summed from squares, Cov(x - G y) + G P_s
 /// G' with the smoothed covariance P_s of y, so that rounding does not make it indefinite.
 ///
 /// # Errors

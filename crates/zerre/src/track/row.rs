@@ -56,7 +56,8 @@ pub enum Event {
     /// The belief gave it no likelihood; the belief was predicted.
     Degenerate,
     /// One degenerate update or one refused measurement too many: the belief was started anew from it. The row's
-    /// update and innovation are of the belief that was given up; [`Outcome::Gated`] tells of the gate.
+    /// update and innovation are of the belief that was given up;
+    /// [`Outcome::Gated`](crate::filter::Outcome::Gated) tells of the gate.
     Restarted,
     /// It is older than the belief; not used.
     OutOfOrder,

@@ -45,8 +45,8 @@ fn an_acceleration_constant_over_a_step_is_the_textbooks() {
     assert!(DiscreteVelocity::<1>::new(-1.0).is_err());
 }
 
-/// N(0, e^x) at a return, and its integral over returns by the midpoint rule, exact to rounding on a smooth density
-/// sampled to 12 standard deviations.
+/// N(0, e^x) at a return, and its integral over returns by the midpoint rule, exact to rounding on a smooth
+/// density sampled to 12 standard deviations.
 #[test]
 fn returns_have_the_variance_of_the_state() {
     let x = -1.3f64;

@@ -1,8 +1,8 @@
 //! The Bayesian family compared: every filter in worlds from linear to heavy-tailed, at the same budgets.
 //!
-//! The thesis of multiple models (M. B. Uçar, chapter 2) describes the family in two tables of words. This measures what
-//! they say. A [`Request`] names worlds; each of its [`Cell`]s is one filter at one budget in one world, and
-//! [`BayesFamily`] is all of it as an [`Experiment`].
+//! The thesis of multiple models (M. B. Uçar, chapter 2) describes the family in two tables of words. This
+//! measures what they say. A [`Request`] names worlds; each of its [`Cell`]s is one filter at one budget in
+//! one world, and [`BayesFamily`] is all of it as an [`Experiment`].
 
 mod report;
 pub mod settings;

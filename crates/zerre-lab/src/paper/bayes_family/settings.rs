@@ -19,8 +19,8 @@ pub const CHOICE_SEED: u64 = 1001;
 pub const WORLDS: [&str; 8] =
     ["linear", "growth-q1", "growth-q3", "growth-q6", "ungm", "upf", "bearings-only", "outliers"];
 
-/// What the others are measured against in each world, with its particles (nodes): the exact filter where there is one,
-/// else more particles than anybody would spend.
+/// What the others are measured against in each world, with its particles (nodes): the exact filter where
+/// there is one, else more particles than anybody would spend.
 pub const TRUTHS: [(&str, &str, usize); 8] = [
     ("linear", "kalman", 0),
     ("growth-q1", "grid", 500),
@@ -38,7 +38,8 @@ pub const AS_GOOD: f64 = 1.02;
 pub const AS_HONEST: f64 = 0.02;
 /// ... and as not to be taken from this share of failed runs on.
 pub const BROKEN: f64 = 0.05;
-/// A run has failed where one step in ten errs by more than so many standard deviations of the truth's posterior.
+/// A run has failed where one step in ten errs by more than so many standard deviations of the truth's
+/// posterior.
 pub const LOST_SDS: f64 = 10.0;
 /// One run in so many is timed, at least three.
 pub const TIMED: usize = 20;

@@ -24,7 +24,8 @@ pub struct Row {
     /// Whether the others are measured against this filter.
     pub truth: bool,
     /// `rmse`, `rmse_ratio` and `crps_ratio` (to the truth, on the same runs), `crps`, `coverage90`,
-    /// `evidence_error` (of the log-evidence of a whole run), `failures` (share of runs), `microseconds_per_step`.
+    /// `evidence_error` (of the log-evidence of a whole run), `failures` (share of runs),
+    /// `microseconds_per_step`.
     pub metric: &'static str,
     /// `mean` or `median` over runs, or `pooled` over runs and steps.
     pub statistic: &'static str,
@@ -317,8 +318,8 @@ impl<'a> Results<'a> {
     }
 }
 
-/// A run with a step that had no likelihood anywhere or no estimate, or far from the truth on a tenth of the steps, by
-/// the standard deviation of the exact posterior.
+/// A run with a step that had no likelihood anywhere or no estimate, or far from the truth on a tenth of the
+/// steps, by the standard deviation of the exact posterior.
 fn has_failed(run: &Run, truth: &Run) -> bool {
     run.degenerate > 0 || run.lost > 0 || truth.sd.is_some_and(|sd| run.rmse90 > LOST_SDS * sd)
 }
@@ -337,8 +338,8 @@ pub(super) struct Claim {
     pub reading: [&'static str; 4],
 }
 
-/// Tables 2.1 and 2.2. The check marks of table 2.1 are lost from the text that there is; they are read from the
-/// sections on each filter.
+/// Tables 2.1 and 2.2. The check marks of table 2.1 are lost from the text that there is; they are read from
+/// the sections on each filter.
 pub(super) const CLAIMS: [Claim; 7] = [
     Claim {
         name: "KF",

@@ -1,12 +1,13 @@
-//! Counts of successes with a log-odds that wanders (Temereanca, Brown and Simons, Journal of Neuroscience 28, 2008).
+//! Counts of successes with a log-odds that wanders (Temereanca, Brown and Simons, Journal of Neuroscience
+//! 28, 2008).
 
 use crate::error::{Error, Result};
 use crate::math::{Real, ln_gamma};
 use crate::model::Measurement;
 use crate::time::Time;
 
-/// z ~ Binomial(n, 1 / (1 + e^-x)): of `n` trials, z succeed. Values are `[z]`, whole numbers. Not of the form
-/// h(x) + v: the Kalman family does not take it.
+/// z ~ Binomial(n, 1 / (1 + e^-x)): of `n` trials, z succeed. Values are `[z]`, whole numbers. Not of the
+/// form h(x) + v: the Kalman family does not take it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinomialLogit {
     trials: f64,

@@ -16,8 +16,8 @@ pub struct Autoregressive {
 }
 
 impl Autoregressive {
-    /// The level `mean`, the share `rho` of the deviation that a step keeps, and the standard deviation `sd` of what
-    /// a step adds, in the units of the state.
+    /// The level `mean`, the share `rho` of the deviation that a step keeps, and the standard deviation `sd`
+    /// of what a step adds, in the units of the state.
     ///
     /// # Errors
     /// Numbers that are not finite; `sd` negative.

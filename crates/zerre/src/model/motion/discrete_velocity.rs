@@ -6,12 +6,13 @@ use crate::math::Real;
 use crate::model::Motion;
 use crate::time::Time;
 
-/// Along each of `D` axes (1, 2 or 3) the acceleration is constant over a step and independent of that of other
-/// steps: Q = s^2 g g' with g = [T^2/2 T], of rank one for each axis, so that it has no transition density.
+/// Along each of `D` axes (1, 2 or 3) the acceleration is constant over a step and independent of that of
+/// other steps: Q = s^2 g g' with g = [T^2/2 T], of rank one for each axis, so that it has no transition
+/// density.
 ///
-/// Two half steps are not one whole step: the noise is tuned for one sampling interval. Where intervals differ, take
-/// [`ConstantVelocity`](super::ConstantVelocity). It is the motion of the bearings-only benchmark (Gordon, Salmond
-/// and Smith, IEE Proceedings F 140, 1993), with steps of 1 s.
+/// Two half steps are not one whole step: the noise is tuned for one sampling interval. Where intervals
+/// differ, take [`ConstantVelocity`](super::ConstantVelocity). It is the motion of the bearings-only
+/// benchmark (Gordon, Salmond and Smith, IEE Proceedings F 140, 1993), with steps of 1 s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiscreteVelocity<const D: usize> {
     acceleration_sd: f64,
