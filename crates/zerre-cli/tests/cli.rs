@@ -48,7 +48,7 @@ fn wrong_usage_ends_with_two_and_a_way_out() {
         ("catalog --seed x", "--seed"),
         ("catalog formts", "did you mean `formats`?"),
         ("schema trak", "did you mean `track`?"),
-        ("init study", "there is no kind of configuration `study`"),
+        ("init fuse", "there is no kind of configuration `fuse`"),
         ("catalog --resume", "--resume"),
         ("track a.csv --seed -1", "'-1' for '--seed <N>': a whole number from 0 to 18446744073709551615"),
         ("bench --threads 0", "'0' for '--threads <N>': a whole number of at least 1"),
