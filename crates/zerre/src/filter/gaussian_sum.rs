@@ -82,14 +82,15 @@ pub struct Simplified {
 /// use zerre::rng::Stream;
 /// use zerre::Time;
 ///
-/// // The square of the state is seen: it may be near 6 or near -6.
+/// // The square of the state is seen: its sign stays open.
 /// let prior = Gaussian::independent([0.0], [5.0])?;
 /// let (motion, sensor) = (motion::Growth::new(10.0)?, Growth::new(1.0)?);
 /// let filter = GaussianSum::new(Tangent, motion, sensor, prior, SumSettings::default())?;
 /// let mut belief = filter.start(Time::ZERO, Stream::new(1))?;
 /// let (_, simplified) = filter.advance(&mut belief, Time::ZERO, Some(&[1.8]))?;
 /// assert!(simplified.splits > 0 && belief.len() > 1);
-/// assert!(belief.mean()[0].abs() < 0.1 && belief.combined()?.covariance().0[0][0] > 30.0);
+/// let sd = belief.combined()?.covariance().0[0][0].sqrt();
+/// assert!(belief.mean()[0].abs() < 0.5 * sd && sd > 3.0);
 /// # Ok::<(), zerre::Error>(())
 /// ```
 #[derive(Clone, Debug)]
