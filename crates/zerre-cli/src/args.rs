@@ -17,7 +17,7 @@ Examples:
 Results go to standard output and --out, everything else to standard error.
 Exit codes: 0 done; 1 could not, or stopped before the end; 2 wrong usage; 3 done but degraded, with --strict.";
 
-/// Particle filters and their relatives: track, simulate, compare, bench.
+/// Particle filters and their relatives: track, simulate, compare, reproduce, study, bench.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "zerre", version, after_help = EXAMPLES, max_term_width = 110)]
 #[command(disable_help_subcommand = true, disable_help_flag = true)]
@@ -258,8 +258,9 @@ Examples:
   zerre reproduce bayes-family --table ungm         one world
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
-Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval, rmse-per-step.csv
-(multiple-model), report.html, run.json, and progress.json, which holds what is done and what --resume goes on from.";
+Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval,
+rmse-per-step.csv (multiple-model), report.html, run.json, and progress.json, which holds what is
+done and what --resume goes on from.";
 
 /// Do the experiments of a paper again; without a paper, list them
 #[derive(Clone, Debug, clap::Args)]
@@ -292,8 +293,9 @@ Examples:
   zerre catalog worlds
   zerre catalog contenders
 
-Outputs in --out: results.csv and results.parquet with every run of every cell, ranking.csv, report.html with the
-ranking and error against cost, run.json, and progress.json, which holds what is done and what --resume goes on from.";
+Outputs in --out: results.csv and results.parquet with every run of every cell, ranking.csv,
+report.html with the ranking and error against cost, run.json, and progress.json, which holds what is
+done and what --resume goes on from.";
 
 /// Compare filters over a grid of worlds and settings
 #[derive(Clone, Debug, clap::Args)]

@@ -42,11 +42,13 @@ pub fn names(entries: &[Entry], kind: &str) -> Vec<&'static str> {
 
 /// Everything that this program can name: the lists of the crates, one after the other.
 pub fn all() -> Vec<Entry> {
-    use zerre::catalog::{FILTERS, MEASUREMENTS, MOTIONS, RESAMPLERS};
+    use zerre::catalog::{FILTERS, MEASUREMENTS, MOTIONS, PROPOSALS, RESAMPLERS, SERIES};
     let library = [
         ("filters", FILTERS),
         ("motions", MOTIONS),
+        ("series", SERIES),
         ("measurements", MEASUREMENTS),
+        ("proposals", PROPOSALS),
         ("resamplers", RESAMPLERS),
     ];
     let of_library = library.iter().flat_map(|(kind, list)| {

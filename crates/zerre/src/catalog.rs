@@ -168,68 +168,19 @@ pub const FILTERS: &[Entry] = &[
     ),
 ];
 
-/// Particle filters of the library that [`track`](crate::track) does not make: what they propose
-/// ([`proposal`](crate::proposal)), and what [`Settings`](crate::filter::Settings) ask for.
-pub const ESTIMATORS: &[Entry] = &[
-    classed(
-        Class::Approximate,
-        "ensemble",
-        "ensemble Kalman filter: equal members corrected by the gain of their moments",
-        "Evensen 1994",
-    ),
-    classed(
-        Class::Approximate,
-        "gaussian-sum",
-        "Gaussians that split where the models curve and merge at a stated cost",
-        "Sorenson and Alspach 1971; Runnalls 2007",
-    ),
-    classed(
-        Class::Consistent,
-        "ekf-guided",
-        "particles move by the tangent of the measurement",
-        "Doucet, Godsill and Andrieu 2000",
-    ),
-    classed(
-        Class::Consistent,
+/// What a [`ParticleFilter`](crate::filter::ParticleFilter) proposes by: the kinds of [`proposal`](crate::proposal).
+pub const PROPOSALS: &[Entry] = &[
+    entry("bootstrap", "by the motion alone", "Gordon, Salmond and Smith 1993"),
+    entry("ekf-guided", "by the tangent of the measurement", "Doucet, Godsill and Andrieu 2000"),
+    entry(
         "ukf-guided",
-        "particles move by sigma points, iterated: the unscented particle filter",
+        "by sigma points, iterated: the unscented particle filter",
         "van der Merwe, Doucet, de Freitas and Wan 2000",
     ),
-    classed(
-        Class::Consistent,
+    entry(
         "optimal",
-        "particles move by their exact posterior, refuses all but linear normal noise",
+        "by the exact posterior, refuses all but linear normal noise",
         "Doucet, Godsill and Andrieu 2000",
-    ),
-    classed(
-        Class::Consistent,
-        "auxiliary",
-        "particles are resampled by what the measurement will say, then moved",
-        "Pitt and Shephard 1999",
-    ),
-    classed(
-        Class::Consistent,
-        "resample-move",
-        "survivors take steps of a Markov chain: random walk, stretch move or Gibbs",
-        "Gilks and Berzuini 2001",
-    ),
-    classed(
-        Class::Consistent,
-        "sequential-mcmc",
-        "a Markov chain on parents and states in place of weights",
-        "Septier, Pang, Carmi and Godsill 2009",
-    ),
-    classed(
-        Class::Consistent,
-        "grid",
-        "point masses on nodes, one to three dimensions",
-        "Bucy and Senne 1971",
-    ),
-    classed(
-        Class::Consistent,
-        "regularised",
-        "survivors are drawn from a kernel density",
-        "Musso, Oudjane and Le Gland 2001",
     ),
 ];
 
@@ -252,7 +203,7 @@ mod tests {
 
     #[test]
     fn names_are_kebab_case_and_unique() {
-        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, ESTIMATORS, RESAMPLERS] {
+        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, PROPOSALS, RESAMPLERS] {
             for (i, entry) in list.iter().enumerate() {
                 assert!(entry.name.split('-').all(|word| !word.is_empty()), "{entry:?}");
                 assert!(entry.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{entry:?}");

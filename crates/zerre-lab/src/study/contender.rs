@@ -80,7 +80,7 @@ pub const CONTENDERS: &[ContenderInfo] = &[
     ),
     info(
         "grid",
-        "point masses on nodes, up to three dimensions",
+        "point masses on nodes, up to three dimensions; its searches for the support are not counted",
         "Bucy and Senne 1971",
         Cost::PerParticle(|_| 1),
     ),

@@ -106,6 +106,13 @@ struct Support<const N: usize> {
     high: [f64; N],
 }
 
+/// What is known before the measurement: the density, the axes of its lattices and the box that holds it.
+struct Ahead<A: Motion<N, W>, const N: usize, const W: usize> {
+    prediction: Prediction<A, N, W>,
+    axes: Matrix<N, N>,
+    support: Support<N>,
+}
+
 /// A lattice, or a sum over it, that came out of a pass.
 struct Pass {
     /// The largest log-density; -inf where there is none.
@@ -165,15 +172,13 @@ where
         digest: Option<&H::Digest<'_>>,
         work: &mut Workspace<N>,
     ) -> Result<Update> {
-        let (prediction, axes, support) =
-            if to > belief.time { self.predict(belief, to, work)? } else { still(belief, work) };
+        let ahead = if to > belief.time { self.predict(belief, to, work)? } else { still(belief, work) };
         let mut evaluations = 0;
-        let mut lattice =
-            self.settle(&prediction, &axes, support, digest, work, &mut evaluations, &belief.lattice)?;
+        let mut lattice = self.settle(&ahead, digest, work, &mut evaluations, &belief.lattice)?;
         let mut outcome = if digest.is_some() { Outcome::Updated } else { Outcome::Predicted };
         if lattice.is_none() && digest.is_some() {
             outcome = Outcome::Degenerate;
-            lattice = self.settle(&prediction, &axes, support, None, work, &mut 0, &belief.lattice)?;
+            lattice = self.settle(&ahead, None, work, &mut 0, &belief.lattice)?;
         }
         let Some((lattice, most)) = lattice else {
             return Err(Error::Unsupported(
@@ -198,13 +203,7 @@ where
     }
 
     /// Pushes the nodes through the motion, refined first where they would come to lie too far apart.
-    #[allow(clippy::type_complexity, reason = "three parts that only `advance` takes apart")]
-    fn predict(
-        &self,
-        belief: &GridBelief<N>,
-        to: Time,
-        work: &mut Workspace<N>,
-    ) -> Result<(Prediction<M, N, W>, Matrix<N, N>, Support<N>)> {
+    fn predict(&self, belief: &GridBelief<N>, to: Time, work: &mut Workspace<N>) -> Result<Ahead<M, N, W>> {
         let density = TransitionDensity::over(&self.motion, belief.time, to, &belief.mean())?;
         let q = density.by_noise().congruence(&Matrix::identity());
         let factor = Cholesky::of("noise of the motion", &(q * density.noise().variance()))?;
@@ -250,7 +249,7 @@ where
             let (low, high) = range(&work.centres[0]);
             let [below, above] = reach(density.noise(), density.by_noise())?;
             let support = Support { low: [low + below; N], high: [high + above; N] };
-            return Ok((Prediction::Direct(density), Matrix::identity(), support));
+            return Ok(Ahead { prediction: Prediction::Direct(density), axes: Matrix::identity(), support });
         }
         let (axes, support) = self.turn(&factor, work);
         let low = support.low.map(|l| l - 2.0 * DEPOSIT);
@@ -258,8 +257,8 @@ where
         let high = from_fn(|k| low[k] + DEPOSIT * (count[k] - 1) as f64);
         let deposit = Lattice { spacing: [DEPOSIT; N], ..Lattice::over(axes, low, high, count)? };
         put(&deposit, work);
-        let wide = Support { low: support.low.map(|l| l - REACH), high: support.high.map(|h| h + REACH) };
-        Ok((Prediction::Convolved(deposit), axes, wide))
+        let support = Support { low: support.low.map(|l| l - REACH), high: support.high.map(|h| h + REACH) };
+        Ok(Ahead { prediction: Prediction::Convolved(deposit), axes, support })
     }
 
     /// Axes along which the noise is white and the pushed nodes uncorrelated, and the box of the nodes, whose
@@ -292,17 +291,15 @@ where
 
     /// Finds the support, lays the nodes over it and leaves their log-densities in `work.scores`; `None`
     /// where the density is zero everywhere.
-    #[allow(clippy::too_many_arguments, reason = "the parts of one step")]
     fn settle(
         &self,
-        prediction: &Prediction<M, N, W>,
-        axes: &Matrix<N, N>,
-        mut support: Support<N>,
+        ahead: &Ahead<M, N, W>,
         digest: Option<&H::Digest<'_>>,
         work: &mut Workspace<N>,
         evaluations: &mut usize,
         before: &Lattice<N>,
     ) -> Result<Option<(Lattice<N>, f64)>> {
+        let &Ahead { ref prediction, ref axes, mut support } = ahead;
         let coarse = (self.nodes / if N == 1 { 4 } else { 2 }).max(16);
         for _ in 0..PASSES {
             let lattice = Lattice::over(*axes, support.low, support.high, [coarse; N])?;
@@ -389,17 +386,17 @@ where
 }
 
 /// The prediction over no time: the belief itself.
-#[allow(clippy::type_complexity, reason = "three parts that only `advance` takes apart")]
 fn still<A: Motion<N, W>, const N: usize, const W: usize>(
     belief: &GridBelief<N>,
     work: &mut Workspace<N>,
-) -> (Prediction<A, N, W>, Matrix<N, N>, Support<N>) {
+) -> Ahead<A, N, W> {
     let lattice = &belief.lattice;
     let cell: f64 = lattice.spacing.iter().product();
     work.source.clear();
     work.source.extend(belief.masses.iter().map(|mass| mass / cell));
     let high = from_fn(|k| lattice.low[k] + lattice.spacing[k] * (lattice.count[k] - 1) as f64);
-    (Prediction::Still(lattice.clone()), lattice.axes, Support { low: lattice.low, high })
+    let support = Support { low: lattice.low, high };
+    Ahead { prediction: Prediction::Still(lattice.clone()), axes: lattice.axes, support }
 }
 
 /// How far neighbours along each axis are led apart, in standard deviations of the noise; nodes that hold

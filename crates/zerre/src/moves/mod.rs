@@ -29,11 +29,10 @@ pub enum Move {
         /// Standard deviation of a proposal in those of the particles.
         scale: Option<f64>,
     },
-    /// The stretch move along the line through a particle of the other half, x' = y + z (x - y) with z
-    /// uniform on (0, 2), accepted with probability min(1, z^(N-2) pi(x') / pi(x)) where z > 1/2 and never
-    /// elsewhere: the move of the artificial bee colony with the factor that makes it exact (Goodman and
-    /// Weare, Communications in Applied Mathematics and Computational Science 5, 2010, for this law of z). It
-    /// needs no covariance.
+    /// The move of the artificial bee colony made exact: along the line through a particle y of the other half,
+    /// x' = y + z (x - y) with z uniform on (0, 2), accepted with probability min(1, z^(N-2) pi(x') / pi(x)) where
+    /// z > 1/2 and never elsewhere. It is a stretch move (Goodman and Weare, Communications in Applied Mathematics and
+    /// Computational Science 5, 2010) with another law of z, and needs no covariance.
     Stretch,
     /// Gibbs sampling: one component after the other is drawn from its law given the others, by slices (Neal,
     /// Annals of Statistics 31, 2003; an interval of four standard deviations about the particle, which
@@ -123,7 +122,7 @@ impl Move {
             Move::RandomWalk { scale } => {
                 let scale = scale.unwrap_or(2.38 / (N as f64).sqrt());
                 let step = walk.spread * scale;
-                let propose = |draws: &mut Draws, x: [f64; N], _: usize| {
+                let propose = |draws: &mut Draws, x: [f64; N]| {
                     let n: [f64; N] = from_fn(|_| draws.normal());
                     let dx = step * n;
                     (from_fn(|k| x[k] + dx[k]), 0.0)
@@ -142,7 +141,7 @@ impl Move {
                         continue;
                     }
                     let columns = &*columns;
-                    let propose = |draws: &mut Draws, x: [f64; N], _: usize| {
+                    let propose = |draws: &mut Draws, x: [f64; N]| {
                         let z = 2.0 * draws.uniform();
                         let partner = other.start + (draws.uniform() * other.len() as f64) as usize;
                         let partner = partner.min(other.end - 1);
@@ -176,7 +175,7 @@ fn metropolis<const N: usize>(
     range: std::ops::Range<usize>,
     law: &impl Law<N>,
     blocks: &mut [Moved],
-    propose: impl Fn(&mut Draws, [f64; N], usize) -> ([f64; N], f64) + Sync,
+    propose: impl Fn(&mut Draws, [f64; N]) -> ([f64; N], f64) + Sync,
 ) -> Moved {
     let columns = states.each_mut().map(Vec::as_mut_slice);
     walk.threads.for_each_block(columns, [densities], blocks, |b, states, [densities], moved| {
@@ -193,7 +192,7 @@ fn metropolis<const N: usize>(
         for i in 0..count {
             let at = from + i;
             let mut draws = walk.stream.draws(Purpose::Move, walk.step, (first + at) as u32);
-            let (proposal, gain) = propose(&mut draws, from_fn(|k| states[k][at]), first + at);
+            let (proposal, gain) = propose(&mut draws, from_fn(|k| states[k][at]));
             for k in 0..N {
                 proposals[k][i] = proposal[k];
             }

@@ -124,11 +124,9 @@ fn the_factor_of_the_stretch_move_matters() {
                 Move::Stretch.sweep(&walk, &mut states, &mut own, &Normal, &mut frozen);
             } else {
                 let columns = states[0].clone();
-                let propose = |draws: &mut Draws, [x]: [f64; 1], i: usize| {
+                let propose = |draws: &mut Draws, [x]: [f64; 1]| {
                     let z = 2.0 * draws.uniform();
-                    let y = columns[((draws.uniform() * (n / 2) as f64) as usize
-                        + if i < n / 2 { n / 2 } else { 0 })
-                        % n];
+                    let y = columns[(draws.uniform() * n as f64) as usize];
                     ([y + z * (x - y)], 0.0)
                 };
                 metropolis(&walk, &mut states, &mut own, 0..n, &Normal, &mut frozen.blocks, propose);

@@ -1,7 +1,7 @@
 //! The Bayesian family compared: every filter in worlds from linear to heavy-tailed, at the same budgets.
 //!
-//! The thesis of multiple models (M. B. Uçar, chapter 2) describes the family in two tables of words. This
-//! measures what they say. A [`Request`] names worlds; each of its [`Cell`]s is one filter at one budget in
+//! The thesis on sensor fusion (chapters 2 and 3) describes the family in two tables of words. This measures what
+//! they say. A [`Request`] names worlds; each of its [`Cell`]s is one filter at one budget in
 //! one world, and [`BayesFamily`] is all of it as an [`Experiment`].
 
 mod report;
@@ -21,7 +21,8 @@ use std::collections::{BTreeMap, BTreeSet};
 pub const PAPER: Paper = Paper {
     name: "bayes-family",
     about: "the Bayesian family on eight worlds: error, score, honesty, evidence, failures, cost",
-    source: "M. B. Uçar, master's thesis, Başkent University, Ankara: tables 2.1 and 2.2, with measured rows",
+    source: "Turkish doctoral thesis, Real-time motion tracking using sensor-fusion based particle filter: \
+             tables 2.1 and 2.2, with measured rows",
     tables: &[
         "linear",
         "growth-q1",
