@@ -3,9 +3,8 @@
 use serde::Serialize;
 use zerre::belief::Gaussian;
 use zerre::filter::Prior;
-use zerre::math::Real;
 use zerre::model::measurement::{self, BearingOnly, HeavyTailed, Position, RangeBearing};
-use zerre::model::motion::{self, ConstantVelocity, RandomWalk};
+use zerre::model::motion::{self, ConstantVelocity, DiscreteVelocity, RandomWalk};
 use zerre::model::{GaussianMeasurement, Measurement, Motion, simulate};
 use zerre::rng::Stream;
 use zerre::{Error, Result, Time};
@@ -204,7 +203,7 @@ pub fn with_problem<V: Visit>(place: &Place, visit: V) -> Result<V::Out> {
             shown: 1,
         }),
         "bearings-only" => visit.visit::<_, _, 4, 2, 1>(&Problem {
-            motion: Impulses { sd: positive("variance of the motion", moved(1e-6))?.sqrt() },
+            motion: DiscreteVelocity::<2>::new(positive("variance of the motion", moved(1e-6))?.sqrt())?,
             sensor: BearingOnly::new(
                 [0.0; 2],
                 positive("variance of the measurement", measured(0.005 * 0.005))?.sqrt(),
@@ -245,29 +244,6 @@ fn positive(what: &'static str, value: f64) -> Result<f64> {
         Ok(value)
     } else {
         Err(Error::OutOfRange { what, value, needs: "it must be positive and finite" })
-    }
-}
-
-/// The motion of the bearings-only example (Gordon, Salmond and Smith, IEE Proceedings F 140, 1993, section
-/// 4.2): a constant acceleration over each step, of standard deviation `sd` on each axis. State `[x, y, vx,
-/// vy]`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Impulses {
-    sd: f64,
-}
-
-impl Motion<4, 2> for Impulses {
-    /// Length of the step, s, and size of the acceleration.
-    type Step = (f64, f64);
-
-    fn over(&self, from: Time, to: Time) -> Result<(f64, f64)> {
-        if to < from { Err(Error::OutOfOrder { from, to }) } else { Ok(((to - from).secs(), self.sd)) }
-    }
-
-    #[inline(always)]
-    fn apply<R: Real>(&(dt, sd): &(f64, f64), [x, y, vx, vy]: [R; 4], [a, b]: [R; 2]) -> [R; 4] {
-        let (a, b) = (a * (sd * dt), b * (sd * dt));
-        [x + vx * dt + a * (0.5 * dt), y + vy * dt + b * (0.5 * dt), vx + a, vy + b]
     }
 }
 

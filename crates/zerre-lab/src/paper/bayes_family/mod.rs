@@ -14,7 +14,7 @@ use super::Paper;
 use crate::study::contender::{CONTENDERS, ContenderInfo, Fate, Scores, contend, dimensions, evaluations};
 use crate::study::experiment::{Experiment, Finished, Mishap, SettingsFile};
 use crate::study::world::Place;
-use settings::{ALSO, BUDGETS, QUICK_RUNS, RUNS, TIMED, TRUTHS, WORLDS};
+use settings::{ALSO, BUDGETS, CHECKS, QUICK_RUNS, RUNS, TIMED, TRUTHS, WORLDS};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What lists say.
@@ -87,7 +87,16 @@ impl Cell {
 
     /// The truth of a world.
     pub fn truth(world: usize) -> Option<Cell> {
-        let (_, filter, particles) = TRUTHS.iter().find(|(name, ..)| *name == WORLDS[world])?;
+        Cell::listed(&TRUTHS, world)
+    }
+
+    /// What the truth of a world is checked by.
+    fn check(world: usize) -> Option<Cell> {
+        Cell::listed(&CHECKS, world)
+    }
+
+    fn listed(list: &[(&str, &str, usize)], world: usize) -> Option<Cell> {
+        let (_, filter, particles) = list.iter().find(|(name, ..)| *name == WORLDS[world])?;
         Some(Cell { world, filter: place_of(filter)?, particles: *particles })
     }
 
@@ -118,11 +127,8 @@ impl BayesFamily {
     pub fn new(request: Request, seed: u64) -> zerre::Result<BayesFamily> {
         let mut cells = BTreeMap::new();
         for &world in &request.worlds {
-            let mut wanted: BTreeSet<Cell> = Cell::truth(world).into_iter().collect();
-            for (name, filter, particles) in ALSO {
-                let cell = place_of(filter).map(|filter| Cell { world, filter, particles });
-                wanted.extend(cell.filter(|_| name == WORLDS[world]));
-            }
+            let extra = [Cell::truth(world), Cell::check(world), Cell::listed(&ALSO, world)];
+            let mut wanted: BTreeSet<Cell> = extra.into_iter().flatten().collect();
             let some = Cell { world, filter: 0, particles: 0 };
             let dimensions = dimensions(&some.place()?)?;
             for (filter, info) in CONTENDERS.iter().enumerate() {
@@ -231,9 +237,8 @@ mod tests {
             }
         }
         // Budgets are kept to, and spent to the last whole particle.
-        for (cell, evaluations) in
-            family.cells.iter().filter(|(cell, _)| Cell::truth(cell.world) != Some(**cell))
-        {
+        let beyond = |cell: &Cell| [Cell::truth(cell.world), Cell::check(cell.world)].contains(&Some(*cell));
+        for (cell, evaluations) in family.cells.iter().filter(|(cell, _)| !beyond(cell)) {
             assert!(*evaluations <= 820 || !cell.info().is_sampled(), "{cell:?} {evaluations}");
         }
         assert!(PAPER.tables.iter().all(|name| Request::worlds_of(name).is_some()));

@@ -1,6 +1,6 @@
 //! The page.
 
-use super::settings::{AS_GOOD, AS_HONEST, BROKEN, CHOICE_SEED, LOST_SDS, TRUTHS, WORLDS};
+use super::settings::{AS_GOOD, AS_HONEST, BROKEN, CHOICE_SEED, LOST_NATS, LOST_SDS, TRUTHS, WORLDS};
 use super::tables::{CLAIMS, Measured, Results};
 use super::{Cell, place_of};
 use crate::report::study::{Figure, Grid, Mark, Section, Shown, StudyReport};
@@ -32,9 +32,7 @@ impl Results<'_> {
 
     /// The cells of a world that have runs, the truth left out unless it is spent no more than the budgets.
     fn entrants(&self, world: usize) -> Vec<(Cell, Measured)> {
-        let most = self.request.budgets.iter().copied().max().unwrap_or_default();
-        let affordable = |cell: &Cell| Cell::truth(world) != Some(*cell) || cell.particles <= most;
-        let cells = self.cells.keys().filter(|cell| cell.world == world && affordable(cell));
+        let cells = self.cells.keys().filter(|cell| cell.world == world && self.is_affordable(cell));
         cells.map(|cell| (*cell, self.measured(cell))).filter(|(_, found)| found.rmse.is_some()).collect()
     }
 
@@ -168,6 +166,20 @@ impl Results<'_> {
                 ),
             });
         }
+        if let Some(cell) = Cell::check(at) {
+            let found = self.measured(&cell);
+            if let Some((ratio, nats)) = found.rmse_ratio.zip(found.evidence_error) {
+                paragraphs.push(format!(
+                    "{}, beyond the budgets too, tells how well that answer is known: its error is {:.3} times that answer's \
+                     ({:.3} to {:.3}), its log-evidence {:.2} nats off on average.",
+                    sentence(&self.named(&cell)),
+                    ratio.value,
+                    ratio.low,
+                    ratio.high,
+                    nats.value
+                ));
+            }
+        }
         let head = [
             "filter",
             "evaluations",
@@ -300,8 +312,8 @@ fn introduction(interrupted: bool) -> Section {
         "Every filter sees the same measurements; its own random numbers are its own. Numbers are means over runs with 95 % \
          bootstrap intervals. RMSE is the root mean square error of a run, over the position where there is one; CRPS is the \
          mean score of each component, in the same unit. A run has failed if a measurement had no likelihood anywhere, if \
-         the filter refused to go on, or if one step in ten erred by more than {LOST_SDS} standard deviations of the best \
-         possible answer. Times are processor times of a step, each filter in its own turn in one thread."
+         the filter refused to go on, if one step in ten erred by more than {LOST_SDS} standard deviations of the best \
+         possible answer, or if its log-evidence lies more than {LOST_NATS} nats below the best. Times are processor times of a step, each filter in its own turn in one thread."
     )];
     if interrupted {
         paragraphs.push(

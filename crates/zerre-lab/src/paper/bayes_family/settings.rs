@@ -28,9 +28,12 @@ pub const TRUTHS: [(&str, &str, usize); 8] = [
     ("growth-q6", "grid", 500),
     ("ungm", "grid", 1000),
     ("upf", "grid", 1000),
-    ("bearings-only", "bootstrap", 100_000),
+    ("bearings-only", "bootstrap", 1_000_000),
     ("outliers", "grid", 500),
 ];
+
+/// Where the truth is a filter with random numbers, another that shows how well it is known.
+pub const CHECKS: [(&str, &str, usize); 1] = [("bearings-only", "ekf-guided", 300_000)];
 
 /// A filter counts as being as good as the truth up to this ratio of errors and of scores, ...
 pub const AS_GOOD: f64 = 1.02;
@@ -41,5 +44,8 @@ pub const BROKEN: f64 = 0.05;
 /// A run has failed where one step in ten errs by more than so many standard deviations of the truth's
 /// posterior.
 pub const LOST_SDS: f64 = 10.0;
+/// ... or where its log-evidence lies more nats than this below the truth's, summed over the run: particles that
+/// have died out coast by the motion, near to where the truth may well be, and call every measurement impossible.
+pub const LOST_NATS: f64 = 30.0;
 /// One run in so many is timed, at least three.
 pub const TIMED: usize = 20;

@@ -1,6 +1,6 @@
 //! Rows and tables from the outcomes of cells.
 
-use super::settings::{LOST_SDS, WORLDS};
+use super::settings::{LOST_NATS, LOST_SDS, WORLDS};
 use super::{Cell, Request, place_of};
 use crate::study::contender::{Fate, Run};
 use crate::study::interval::{Bootstraps, Estimate, mean, median};
@@ -272,15 +272,17 @@ impl<'a> Results<'a> {
         Table { name: format!("table-{}", WORLDS[world]), about, head, rows }
     }
 
-    /// The largest budget of a filter in a world.
+    /// A filter in a world with the most that the budgets buy.
     pub(super) fn largest(&self, filter: usize, world: usize) -> Option<Cell> {
-        let truth = Cell::truth(world);
         let of = |cell: &&Cell| (cell.world, cell.filter) == (world, filter);
-        let mut all: Vec<&Cell> = self.cells.keys().filter(of).collect();
-        if all.len() > 1 {
-            all.retain(|cell| Some(**cell) != truth);
-        }
-        all.last().copied().copied()
+        let mut all = self.cells.keys().filter(of);
+        let affordable = all.clone().rfind(|cell| self.is_affordable(cell));
+        affordable.or_else(|| all.next_back()).copied()
+    }
+
+    /// Whether a cell keeps to the budgets: the truth and what checks it may not.
+    pub(super) fn is_affordable(&self, cell: &Cell) -> bool {
+        self.request.budgets.iter().any(|budget| cell.particles <= *budget)
     }
 
     /// The claims of table 2.2 with the measured ratios beside them.
@@ -319,9 +321,12 @@ impl<'a> Results<'a> {
 }
 
 /// A run with a step that had no likelihood anywhere or no estimate, or far from the truth on a tenth of the
-/// steps, by the standard deviation of the exact posterior.
+/// steps, by the standard deviation of the exact posterior, or with measurements that it thought impossible.
 fn has_failed(run: &Run, truth: &Run) -> bool {
-    run.degenerate > 0 || run.lost > 0 || truth.sd.is_some_and(|sd| run.rmse90 > LOST_SDS * sd)
+    let far = truth.sd.is_some_and(|sd| run.rmse90 > LOST_SDS * sd);
+    let surprised =
+        run.log_evidence.zip(truth.log_evidence).is_some_and(|(ours, exact)| ours < exact - LOST_NATS);
+    run.degenerate > 0 || run.lost > 0 || far || surprised
 }
 
 /// A row of table 2.2 of the thesis.
