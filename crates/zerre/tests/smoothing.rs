@@ -3,6 +3,7 @@
 
 use zerre::belief::{Cloud, Gaussian, GaussianBelief};
 use zerre::filter::{Filter, Kalman, ParticleFilter, Settings};
+use zerre::kernels::Threads;
 use zerre::math::{Cholesky, Matrix};
 use zerre::model::measurement::{Position, UpfGrowth as GrowthSensor};
 use zerre::model::motion::{ConstantVelocity, RandomWalk, UpfGrowth, WienerAcceleration};
@@ -117,7 +118,9 @@ fn backward_agrees(how: Backward) {
         }
     }
     let estimate = |seed| {
-        let paths = backward_paths(&motion(), &history(seed), 400, how, Stream::new(seed).fork(1)).unwrap();
+        let paths =
+            backward_paths(&motion(), &history(seed), 400, how, Stream::new(seed).fork(1), &Threads::Serial)
+                .unwrap();
         assert_eq!((paths.len(), paths.count()), (LAST + 1, 400));
         let mut found = Vec::new();
         for k in 0..=LAST {
@@ -249,7 +252,7 @@ fn gamma_noise_has_possible_paths() {
         history.record(&cloud).unwrap();
     }
     for how in [Backward::default(), Backward::Moves { count: 5 }] {
-        let paths = backward_paths(&motion, &history, 50, how, Stream::new(1)).unwrap();
+        let paths = backward_paths(&motion, &history, 50, how, Stream::new(1), &Threads::Serial).unwrap();
         for k in 1..paths.len() {
             let phase = 0.04 * std::f64::consts::PI * paths.times()[k].secs();
             for j in 0..50 {
@@ -263,8 +266,13 @@ fn gamma_noise_has_possible_paths() {
 #[test]
 fn paths_repeat_and_pass_the_particles_they_name() {
     let history = history(5);
-    let paths = |stream| backward_paths(&motion(), &history, 30, Backward::default(), stream).unwrap();
+    let draw = |count, stream, threads| {
+        backward_paths(&motion(), &history, count, Backward::default(), stream, &threads).unwrap()
+    };
+    let paths = |stream| draw(30, stream, Threads::Serial);
     assert_eq!(paths(Stream::new(1)), paths(Stream::new(1)));
+    let shared = draw(1000, Stream::new(1), Threads::new(2).unwrap());
+    assert!(shared == draw(1000, Stream::new(1), Threads::Serial), "threads change the paths");
     assert_ne!(paths(Stream::new(1)), paths(Stream::new(2)));
     let paths = paths(Stream::new(1));
     assert_eq!(paths.particles(4).len(), 30);
@@ -285,7 +293,7 @@ fn what_has_no_backward_law_is_refused() {
     history.record(&cloud).unwrap();
     filter.step(&mut cloud, Time::from_secs(1.0), Some(&[1.0])).unwrap();
     history.record(&cloud).unwrap();
-    let refused = backward_paths(&jumps, &history, 10, Backward::default(), Stream::new(1));
+    let refused = backward_paths(&jumps, &history, 10, Backward::default(), Stream::new(1), &Threads::Serial);
     assert!(matches!(refused, Err(Error::Unsupported(_))));
     assert!(matches!(paris.step(&jumps, &cloud, |_| [0.0]), Err(Error::Unsupported(_))));
     // The fixed lag asks for no density.
@@ -295,7 +303,10 @@ fn what_has_no_backward_law_is_refused() {
     assert!(none.is_empty() && none.time(0).is_none() && none.lagged(0).is_err());
     let walk = RandomWalk::<2>::new(1.0).unwrap();
     for (history, count) in [(&none, 10), (&self::history(1), 0)] {
-        assert!(backward_paths(&walk, history, count, Backward::default(), Stream::new(1)).is_err());
+        assert!(
+            backward_paths(&walk, history, count, Backward::default(), Stream::new(1), &Threads::Serial)
+                .is_err()
+        );
     }
     assert!(History::<2>::window(0).is_err());
     // Clouds out of order, or of other numbers of particles.
@@ -320,10 +331,11 @@ fn a_history_of_another_motion_is_refused() {
     history.record(&cloud(1.0, 10.0)).unwrap();
     history.record(&cloud(2.0, 0.0)).unwrap();
     let growth = UpfGrowth::new(3.0, 2.0).unwrap();
-    let refused = backward_paths(&growth, &history, 3, Backward::default(), Stream::new(1));
+    let refused = backward_paths(&growth, &history, 3, Backward::default(), Stream::new(1), &Threads::Serial);
     assert!(matches!(refused, Err(Error::Unsupported(_))));
     // Far out in the tail of a normal law numbers underflow, and the path is still found.
     let walk = RandomWalk::<1>::new(1e-3).unwrap();
-    let paths = backward_paths(&walk, &history, 3, Backward::default(), Stream::new(1)).unwrap();
+    let paths =
+        backward_paths(&walk, &history, 3, Backward::default(), Stream::new(1), &Threads::Serial).unwrap();
     assert_eq!(paths.state(0, 0), Some([10.0]), "the nearer of two");
 }

@@ -77,7 +77,7 @@ impl Threads {
     }
 
     /// Runs `work(i, &mut items[i])` for every item, on one thread or several.
-    fn share<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+    pub(crate) fn share<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         match self {
             Threads::Pool(pool) if items.len() >= 2 * MIN_BLOCKS_PER_TASK => pool.install(|| {
                 items

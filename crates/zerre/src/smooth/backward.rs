@@ -3,12 +3,13 @@
 
 use super::history::{History, Record, Smoothed};
 use crate::error::{Error, Result};
-use crate::kernels::{self, Simd};
+use crate::kernels::{self, Simd, Threads};
 use crate::math::Real;
 use crate::model::{Motion, TransitionDensity};
 use crate::rng::{Draws, Purpose, Stream};
 use crate::time::Time;
 use std::array::from_fn;
+use std::ops::Range;
 
 /// How the particle before a given state is drawn: with probability proportional to w_i p(x_{k+1} | x_k^i).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +90,7 @@ impl<const N: usize> Paths<N> {
     }
 }
 
-/// `count` paths through the recorded particles, drawn backwards in time.
+/// `count` paths through the recorded particles, drawn backwards in time; the number of threads changes nothing.
 ///
 /// # Errors
 /// An empty history, no paths or more than 2^26; a motion without [`TransitionDensity`]; a state that no
@@ -100,6 +101,7 @@ pub fn backward_paths<A, const N: usize, const W: usize>(
     count: usize,
     how: Backward,
     stream: Stream,
+    threads: &Threads,
 ) -> Result<Paths<N>>
 where
     A: Motion<N, W>,
@@ -108,40 +110,82 @@ where
         let needs = "it must lie between 1 and 2^26";
         return Err(Error::OutOfRange { what: "number of paths", value: count as f64, needs });
     }
-    let instants = history.len();
-    let last = history.get(instants.saturating_sub(1))?;
-    let mut times = vec![last.time; instants];
-    let mut particles = vec![0u32; instants * count];
-    let mut states: [Vec<f64>; N] = from_fn(|_| vec![0.0; instants * count]);
-    let mut tables = Tables::default();
-    for k in (0..instants).rev() {
-        let record = history.get(k)?;
-        times[k] = record.time;
-        let (now, after) = particles[k * count..].split_at_mut(count);
-        let density = if k + 1 == instants {
-            tables.guide.fill(&record.weights);
-            None
-        } else {
-            tables.prepare(motion, record, times[k + 1])?
-        };
-        for (j, particle) in now.iter_mut().enumerate() {
-            let mut draws = stream.draws(Purpose::Path, k as u64, j as u32);
-            let at = match (after.get(j), &density) {
-                (None, _) => tables.guide.pick(draws.uniform()),
-                // Nothing moved in between.
-                (Some(&next), None) => record.parent(next as usize),
-                (Some(&next), Some(density)) => {
-                    let to = from_fn(|c| states[c][(k + 1) * count + j]);
-                    tables.draw(density, record, to, record.parent(next as usize), how, &mut draws)?
-                }
-            };
-            *particle = at as u32;
-            for (column, from) in states.iter_mut().zip(&record.states) {
-                column[k * count + j] = from[at];
+    let walk = Walk { motion, history, how, stream };
+    let mut bundles: Vec<_> = (0..count)
+        .step_by(BUNDLE)
+        .map(|first| (first..count.min(first + BUNDLE), Ok((Vec::new(), from_fn(|_| Vec::new())))))
+        .collect();
+    threads.share(&mut bundles, |_, (paths, drawn)| *drawn = walk.draw(paths.clone()));
+    let times = (0..history.len()).map(|k| Ok(history.get(k)?.time)).collect::<Result<Vec<Time>>>()?;
+    let mut particles = Vec::with_capacity(times.len() * count);
+    let mut states: [Vec<f64>; N] = from_fn(|_| Vec::with_capacity(times.len() * count));
+    let drawn = bundles.into_iter().map(|(paths, drawn)| Ok((paths.len(), drawn?)));
+    let drawn = drawn.collect::<Result<Vec<_>>>()?;
+    for k in 0..times.len() {
+        for (width, (bundle, columns)) in &drawn {
+            let part = k * width..(k + 1) * width;
+            particles.extend_from_slice(&bundle[part.clone()]);
+            for (column, from) in states.iter_mut().zip(columns) {
+                column.extend_from_slice(&from[part.clone()]);
             }
         }
     }
     Ok(Paths { times, count, particles, states })
+}
+
+/// Paths that are drawn together: many enough to share what one step back needs, few enough to be spread over
+/// threads. Which draws go to the sum at once is decided within a bundle, so that its size is part of the result.
+const BUNDLE: usize = 64;
+
+/// How paths are drawn.
+struct Walk<'a, A, const N: usize> {
+    motion: &'a A,
+    history: &'a History<N>,
+    how: Backward,
+    stream: Stream,
+}
+
+impl<A, const N: usize> Walk<'_, A, N> {
+    /// The particles of these paths and their states, instant after instant.
+    fn draw<const W: usize>(&self, paths: Range<usize>) -> Result<(Vec<u32>, [Vec<f64>; N])>
+    where
+        A: Motion<N, W>,
+    {
+        let (instants, count) = (self.history.len(), paths.len());
+        let mut particles = vec![0u32; instants * count];
+        let mut states: [Vec<f64>; N] = from_fn(|_| vec![0.0; instants * count]);
+        let mut tables = Tables::default();
+        let mut next = self.history.get(instants.saturating_sub(1))?.time;
+        for k in (0..instants).rev() {
+            let record = self.history.get(k)?;
+            let (now, after) = particles[k * count..].split_at_mut(count);
+            let density = if k + 1 == instants {
+                tables.guide.fill(&record.weights);
+                None
+            } else {
+                tables.prepare(self.motion, record, next)?
+            };
+            next = record.time;
+            for (j, particle) in now.iter_mut().enumerate() {
+                let mut draws = self.stream.draws(Purpose::Path, k as u64, (paths.start + j) as u32);
+                let at = match (after.get(j), &density) {
+                    (None, _) => tables.guide.pick(draws.uniform()),
+                    // Nothing moved in between.
+                    (Some(&next), None) => record.parent(next as usize),
+                    (Some(&next), Some(density)) => {
+                        let to = from_fn(|c| states[c][(k + 1) * count + j]);
+                        let parent = record.parent(next as usize);
+                        tables.draw(density, record, to, parent, self.how, &mut draws)?
+                    }
+                };
+                *particle = at as u32;
+                for (column, from) in states.iter_mut().zip(&record.states) {
+                    column[k * count + j] = from[at];
+                }
+            }
+        }
+        Ok((particles, states))
+    }
 }
 
 /// What is the same for all draws of one step back.
