@@ -9,11 +9,14 @@
 //! | W2 | univariate growth, 1 state, 100 steps |
 //! | W3-... | one resampling of N weights exp(-2 a^2), a standard normal, to N indices |
 //! | W4 | 100 independent runs of W1 with 5 000 particles, spread over threads |
+//! | FFBSi-level, FFBSi, FFBSi-moves | 1 000 backward paths through 1 000 particles at 1 000 instants, positions of a random walk, of W1's motion, and the latter by 30 moves of a chain; times are per path and step |
 //! | W5 | W1 by the multiple-model filter, 5 000 particles under each of four modes: straight, accelerating, two turns |
 //!
 //! Times are processor time of the calling thread (W4: of the process), medians over repetitions; the first repetition
 //! is not counted. `rmse` is the position error against the truth, `reference_distance` the RMS distance of the
 //! filter's mean to that of 32 million particles: it must fall as 1 / sqrt(N).
+
+mod ffbsi;
 
 use cpu_time::{ProcessTime, ThreadTime};
 use rayon::prelude::*;
@@ -29,6 +32,7 @@ use zerre::model::{Chain, JumpMarkov, Likelihood, Measurement, Motion, measureme
 use zerre::proposal::{Bootstrap, Guided, Proposal};
 use zerre::resample::{Resampler, Resampling};
 use zerre::rng::{Purpose, Stream};
+use zerre::smooth::Backward;
 use zerre::{Result, Time};
 
 /// One line of the table.
@@ -63,10 +67,10 @@ pub struct Row {
     /// RMS distance of the filter mean to the reference posterior mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference_distance: Option<f64>,
-    /// Processor seconds of the whole workload (W4).
+    /// Processor seconds of the whole workload (W4, FFBSi).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cpu_seconds: Option<f64>,
-    /// Wall seconds of the whole workload (W4).
+    /// Wall seconds of the whole workload (W4, FFBSi).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_seconds: Option<f64>,
     /// Most memory the process had used by the end of the row, where the system tells.
@@ -79,7 +83,7 @@ pub struct Row {
 pub struct Options {
     /// SIMD level.
     pub simd: Simd,
-    /// Threads of W4.
+    /// Threads of W4 and FFBSi.
     pub threads: usize,
     /// Time that the repetitions of a row may take together.
     pub budget: Duration,
@@ -143,6 +147,13 @@ pub fn run(options: &Options, mut progress: impl FnMut(&Row) -> bool) -> Result<
         jobs.push(Box::new(move || many_runs(options.threads, options)));
     }
     jobs.push(Box::new(move || multiple_model(options)));
+    jobs.push(Box::new(move || {
+        let motion = motion::RandomWalk::<1>::new(0.05)?;
+        ffbsi::ffbsi::<_, 1, 1, 1>("FFBSi-level", motion, Backward::default(), options)
+    }));
+    for (name, how) in [("FFBSi", Backward::default()), ("FFBSi-moves", Backward::Moves { count: 30 })] {
+        jobs.push(Box::new(move || ffbsi::ffbsi::<_, 4, 4, 2>(name, built_in()?.0, how, options)));
+    }
     for job in jobs {
         if !keep(job()?) {
             break;
