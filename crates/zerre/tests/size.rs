@@ -367,8 +367,8 @@ fn settings_out_of_range_are_refused() {
     assert!(matches!(timed(Size::Fixed, Trigger::Never, good), Err(Error::Unsupported(_))));
 }
 
-/// A measurement that nobody explains, right after the number has changed: the guided filter takes back what it
-/// did, particles and all, and goes on as if it had only predicted.
+/// A measurement that nobody explains, right after the number has changed: the guided filter takes back what
+/// it did, particles and all, and goes on as if it had only predicted.
 #[test]
 fn an_impossible_measurement_is_taken_back() {
     let ((motion, sensor), seen) = walk();

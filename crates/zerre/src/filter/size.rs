@@ -32,7 +32,8 @@ pub enum Size {
 /// Fox counts boxes while he draws; where to stop then depends on the draws, and the evidence is biased. Here
 /// k(n) is what n draws are expected to fall into, the sum over boxes of 1 - (1 - p)^n, p being the mass of
 /// the weighted particles in the box, and the number is the least n with n >= n(k(n)), or `most`.
-/// Resampling costs n ln n more.
+/// Resampling costs n ln n more. Weights that a few particles hold between them look like a narrow posterior:
+/// `least` is to be a number from which the filter recovers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kld {
     error: f64,

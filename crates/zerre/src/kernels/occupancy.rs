@@ -6,8 +6,8 @@ use super::{LANES, Simd};
 use crate::math::{Lanes, Real};
 use fearless_simd::Simd as Token;
 
-/// ln of the probability 1 - p that a draw misses a box of mass p, in place; of a box that holds everything the
-/// least logarithm there is.
+/// ln of the probability 1 - p that a draw misses a box of mass p, in place; of a box that holds everything
+/// the least logarithm there is.
 pub(crate) fn log_absent(level: Simd, masses: &mut [f64]) {
     #[inline(always)]
     fn one<R: Real>(p: R) -> R {

@@ -1,6 +1,8 @@
 //! Particle filters whose number of particles changes, for the list.
 
 use crate::list::{Class, Entry, Estimates, Means, RESAMPLINGS, Sensor, World, entry};
+use crate::worlds;
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use zerre::belief::PacedCloud;
@@ -10,6 +12,7 @@ use zerre::filter::{
 use zerre::math::Matrix;
 use zerre::proposal::Guided;
 use zerre::resample::Trigger;
+use zerre::rng::Stream;
 
 /// Numbers for the steps of a run that begins with `particles`: fewer, more, the same.
 fn numbers(particles: usize) -> Vec<u32> {
@@ -79,5 +82,19 @@ impl Estimates for PacedCloud<4> {
     }
     fn covariance(&self) -> Matrix<4, 4> {
         self.cloud().covariance()
+    }
+}
+
+/// Without that the laws would say nothing of them.
+#[test]
+fn the_numbers_of_the_list_do_change() {
+    let world = worlds::linear(2.0);
+    let (script, _) = worlds::script(&world, Stream::new(5));
+    for entry in filters(&world, &Means::serial(2000)) {
+        let mut run = entry.filter.begin(Stream::new(41));
+        let number = |(to, z): &worlds::Seen| run.step(*to, z.as_ref()).unwrap().particles.unwrap().particles;
+        let numbers: Vec<usize> = script.iter().map(number).collect();
+        let distinct: BTreeSet<&usize> = numbers.iter().collect();
+        assert!(distinct.len() >= 2, "{}: {numbers:?}", entry.name);
     }
 }
