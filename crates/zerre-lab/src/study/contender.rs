@@ -6,9 +6,9 @@ use super::world::{Place, Problem, Record, Visit, label, with_problem};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use zerre::filter::{
-    Ensemble, EnsembleSettings, Extended, Filter, GaussianSum, Grid, Kalman, Kernel, Linear, McmcSettings,
-    Outcome as StepOutcome, ParticleFilter, Rejuvenation, ResampleMove, SequentialMcmc, Settings,
-    SigmaPoints, SumSettings, Tangent, Unscented, Update,
+    Boxes, Ensemble, EnsembleSettings, Extended, Filter, GaussianSum, Grid, Kalman, Kernel, Kld, Linear,
+    McmcSettings, Outcome as StepOutcome, ParticleFilter, Rejuvenation, ResampleMove, SequentialMcmc,
+    Settings, SigmaPoints, Size, SumSettings, Tangent, Unscented, Update,
 };
 use zerre::model::{GaussianMeasurement, Measurement, Motion};
 use zerre::moves::Move;
@@ -37,6 +37,8 @@ pub enum Cost {
     Fixed(fn(usize) -> usize),
     /// For each particle (member, node, part), of the dimension of the noise.
     PerParticle(fn(usize) -> usize),
+    /// One for each particle, whose number varies up to the given one: runs count them.
+    Counted,
 }
 
 const fn info(name: &'static str, about: &'static str, source: &'static str, cost: Cost) -> ContenderInfo {
@@ -115,6 +117,12 @@ pub const CONTENDERS: &[ContenderInfo] = &[
         Cost::PerParticle(|_| 1),
     ),
     info(
+        "kld",
+        "as many particles as the posterior's shape needs, up to the given number; counted as it runs",
+        "Fox 2003",
+        Cost::Counted,
+    ),
+    info(
         "resample-move",
         "survivors take a random-walk step",
         "Gilks and Berzuini 2001",
@@ -161,7 +169,7 @@ impl ContenderInfo {
 
     /// Whether it has particles, or anything else whose number can be chosen.
     pub fn is_sampled(&self) -> bool {
-        matches!(self.cost, Cost::PerParticle(_))
+        !matches!(self.cost, Cost::Fixed(_))
     }
 
     /// As many particles as `evaluations` a step buy where the noise has `noise` components, at least one; 0
@@ -170,6 +178,7 @@ impl ContenderInfo {
         match self.cost {
             Cost::Fixed(_) => 0,
             Cost::PerParticle(cost) => (evaluations / cost(noise)).max(1),
+            Cost::Counted => evaluations.max(1),
         }
     }
 
@@ -221,6 +230,9 @@ pub struct Run {
     pub sd: Option<f64>,
     /// Sum of the logarithms of the evidence; absent where a step had none.
     pub log_evidence: Option<f64>,
+    /// Mean number of likelihood evaluations a step, as the filter counted; 0 without particles.
+    #[serde(default)]
+    pub evaluations: f64,
     /// Least effective sample size; absent without particles.
     pub ess_min: Option<f64>,
     /// Steps whose measurement had no likelihood anywhere.
@@ -282,12 +294,23 @@ pub fn dimensions(place: &Place) -> Result<(usize, usize)> {
     with_problem(place, Dimensions)
 }
 
-/// Evaluations a step of `contender` in a world of these dimensions.
+/// Evaluations a step of `contender` in a world of these dimensions; the most where runs count them.
 pub fn evaluations(contender: &Contender, (state, noise): (usize, usize)) -> usize {
     match ContenderInfo::named(contender.filter).map(|info| info.cost) {
         Some(Cost::Fixed(cost)) => cost(state),
         Some(Cost::PerParticle(cost)) => contender.particles * cost(noise),
+        Some(Cost::Counted) => contender.particles,
         None => 0,
+    }
+}
+
+/// Evaluations a step that `runs` of the filter called `name` took: `planned`, unless runs count them.
+pub fn evaluations_of<'a>(name: &str, planned: usize, runs: impl ExactSizeIterator<Item = &'a Run>) -> usize {
+    match (ContenderInfo::named(name).map(|info| info.cost), runs.len()) {
+        (Some(Cost::Counted), count @ 1..) => {
+            (runs.map(|run| run.evaluations).sum::<f64>() / count as f64).round() as usize
+        }
+        _ => planned,
     }
 }
 
@@ -406,6 +429,14 @@ where
             let settings = Settings { rejuvenation, ..settings };
             follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
         }
+        "kld" => {
+            // In boxes of half a standard deviation a normal law of one component asks for some 650. A quarter
+            // at least: a few particles with all the weight look like a narrow posterior.
+            let most = settings.particles;
+            let kld = Kld::new(0.02, 0.99, Boxes::Deviations(0.5), most.div_ceil(4), most)?;
+            let settings = Settings { size: Size::Kld(kld), ..settings };
+            follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
+        }
         "resample-move" | "stretch-move" => {
             let kernel = if contender.filter == "stretch-move" { Move::Stretch } else { Move::default() };
             let inside = ParticleFilter::new(prior, motion, sensor, settings)?;
@@ -448,7 +479,7 @@ impl<const N: usize, const M: usize> Follow<'_, N, M> {
         let mut run = Run::default();
         let mut law = Marginal::default();
         let mut last = *self.prior;
-        let (mut evidence, mut ess, mut at) = (0.0, f64::INFINITY, 0);
+        let (mut evidence, mut ess, mut evaluations, mut at) = (0.0, f64::INFINITY, 0, 0);
         let see = |belief: &F::Belief, update: &Update| {
             let truth = &record.truth[at];
             let mut step = Step { error: 0.0, crps: 0.0, inside: 0, variance: 0.0 };
@@ -472,7 +503,10 @@ impl<const N: usize, const M: usize> Follow<'_, N, M> {
             if update.outcome != StepOutcome::Predicted {
                 evidence += update.log_evidence;
             }
-            ess = update.particles.map_or(ess, |particles| ess.min(particles.ess));
+            if let Some(particles) = update.particles {
+                ess = ess.min(particles.ess);
+                evaluations += particles.evaluations;
+            }
             Ok(Some(step))
         };
         let seen = record.times.iter().copied().zip(&record.measured);
@@ -481,6 +515,7 @@ impl<const N: usize, const M: usize> Follow<'_, N, M> {
             return Err(Error::Unsupported(reason.clone()));
         }
         let mut steps = driven.seen;
+        run.evaluations = evaluations as f64 / steps.len().max(1) as f64;
         run.lost = record.truth.len() - steps.len();
         // A filter that is lost keeps its last estimate, and says no more how sure it is.
         for truth in &record.truth[steps.len()..] {
@@ -568,5 +603,22 @@ mod tests {
         assert_eq!(info("ekf").particles(820, 1), 0);
         assert_eq!(evaluations(&info("ukf").with(7), (4, 4)), 9);
         assert_eq!(evaluations(&info("sis").with(7), (4, 4)), 7);
+    }
+
+    /// The filter whose particles vary costs what it counted, and no more than the most; a particle filter
+    /// that does not counts what it was planned to cost.
+    #[test]
+    fn numbers_that_vary_are_counted() {
+        let of = |name: &str, planned| {
+            let fate = go("ungm", name, planned, 0..4);
+            evaluations_of(name, planned, fate.runs().iter())
+        };
+        for most in [20, 1000] {
+            let counted = of("kld", most);
+            assert!(counted > most / 4 && counted < most, "{counted} of {most}");
+        }
+        let fixed = go("ungm", "bootstrap", 50, 0..2);
+        assert!(fixed.runs().iter().all(|run| run.evaluations == 50.0));
+        assert_eq!(evaluations_of("kld", 7, [].iter()), 7);
     }
 }

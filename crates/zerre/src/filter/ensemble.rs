@@ -310,6 +310,7 @@ where
             *sums = kernels::weigh(self.settings.simd, None, scores, &states, weights);
         }
         let particles = ParticleUpdate {
+            particles: n,
             ess: n as f64,
             resampled: false,
             distinct_ancestors: n,

@@ -231,6 +231,7 @@ where
         self.propose(cloud, proposals, (step.as_ref(), digest.as_ref()));
         let not_finite = proposals.lost.iter().sum();
         let mut particles = ParticleUpdate {
+            particles: n,
             ess: n as f64,
             resampled: false,
             distinct_ancestors: n,

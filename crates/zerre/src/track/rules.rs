@@ -12,7 +12,7 @@ use crate::belief::{Cloud, Gaussian, GaussianBelief, Hypotheses, Hypothesis, Mod
 use crate::error::{Error, Result};
 use crate::filter::{
     Filter, GaussianFilter, ImmParticle, Linear, ModalSettings, MultipleModel, ParticleFilter, Prior,
-    Rejuvenation, Settings, Tangent, Transform, Update, check_hypotheses, predict_measurement,
+    Rejuvenation, Settings, Size, Tangent, Transform, Update, check_hypotheses, predict_measurement,
     step_hypotheses, step_modes,
 };
 use crate::math::gaussian::LN_2PI;
@@ -81,8 +81,17 @@ where
         if self.kind.form == Form::Cloud {
             let trigger = if filter.name == "sis" { Trigger::Never } else { filter.trigger };
             let (rejuvenation, lookahead) = (Rejuvenation::Roughen(filter.roughening), None);
-            let settings =
-                Settings { particles, resampling, trigger, rejuvenation, lookahead, noise, simd, threads };
+            let settings = Settings {
+                particles,
+                size: Size::Fixed,
+                resampling,
+                trigger,
+                rejuvenation,
+                lookahead,
+                noise,
+                simd,
+                threads,
+            };
             return ParticleFilter::new(prior, self.motion.clone(), sensors, settings).map(Finally::Cloud);
         }
         let Some(Modes { model, .. }) = &self.modes else { return Ok(Finally::Gaussian) };

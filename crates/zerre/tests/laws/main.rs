@@ -11,6 +11,7 @@ mod list_deterministic;
 mod list_guided;
 mod list_modes_gaussian;
 mod list_moves;
+mod list_sizes;
 mod no_allocation;
 mod parity;
 mod replay;
