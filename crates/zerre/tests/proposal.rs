@@ -123,7 +123,8 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
     fn covariance(&self) -> [[f64; M]; M] {
         self.0.covariance()
     }
-    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
+    #[inline(always)]
+    fn covariance_scale<R: Real>(&self, mahalanobis_squared: R) -> R {
         self.0.covariance_scale(mahalanobis_squared)
     }
 }

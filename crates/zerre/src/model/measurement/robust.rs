@@ -142,17 +142,19 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
         self.sensor.covariance()
     }
 
-    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
+    #[inline(always)]
+    fn covariance_scale<R: Real>(&self, mahalanobis_squared: R) -> R {
+        let one = mahalanobis_squared.constant(1.0);
         match self.law {
-            Law::Normal => 1.0,
-            Law::StudentT { dof } => (dof + mahalanobis_squared) / (dof + M as f64),
+            Law::Normal => one,
+            Law::StudentT { dof } => (mahalanobis_squared + dof) / (dof + M as f64),
             // 1 / (p + (1 - p) / scale^2), where p is the posterior probability of an ordinary value.
             Law::Outliers { probability, scale } => {
                 let per_scale2 = 1.0 / (scale * scale);
-                let log_odds = Real::ln(probability / (1.0 - probability)) - M as f64 * Real::ln(scale)
-                    + 0.5 * mahalanobis_squared * (1.0 - per_scale2);
-                let ordinary = 1.0 / (1.0 + Real::exp(log_odds));
-                1.0 / (ordinary + (1.0 - ordinary) * per_scale2)
+                let log_odds = mahalanobis_squared * 0.5 * (1.0 - per_scale2)
+                    + (Real::ln(probability / (1.0 - probability)) - M as f64 * Real::ln(scale));
+                let ordinary = one / (log_odds.exp() + 1.0);
+                one / (ordinary + (one - ordinary) * per_scale2)
             }
         }
     }
