@@ -251,12 +251,9 @@ fn an_outlier_does_not_guide() {
         step(&mut cloud, update)
     };
     // What fits by R and by 3 R reach of it, at most.
-    for (walk, z, others) in [
-        (1.0, 0.0, [1.0, 0.95]),
-        (1.0, 8.0, [0.1, 0.35]),
-        (1.0, 30.0, [0.1, 0.1]),
-        (10.0, 3.0, [1.0, 0.86]),
-    ] {
+    for (walk, z, others) in
+        [(1.0, 0.0, [1.0, 0.95]), (1.0, 8.0, [0.1, 0.35]), (1.0, 30.0, [0.1, 0.1]), (10.0, 3.0, [1.0, 0.86])]
+    {
         let expected = effective(walk, z, scale(walk, z));
         for points in [false, true] {
             let (found, error) = share(walk, z, points);

@@ -142,7 +142,7 @@ pub const CONTENDERS: &[ContenderInfo] = &[
         "rao-blackwell",
         "Kalman filters given drawn scales of heavy-tailed noise, four draws for each; counted with tangents",
         "Schön, Gustafsson and Nordlund 2005",
-        Cost::PerParticle(|w| SCALES * (w + 1)),
+        Cost::PerParticle(|w| 1 + SCALES * (w + 1)),
     ),
 ];
 

@@ -4,6 +4,8 @@ use super::measurement::Conditioned;
 use super::{GaussianMeasurement, JumpMarkov, Measurement, Motion};
 use crate::belief::Hypothesis;
 use crate::error::{Error, Result};
+use crate::filter::innovation;
+use crate::math::{Cholesky, Matrix};
 use crate::model::jump::{Transition, count};
 use crate::rng::Draws;
 use crate::time::Time;
@@ -220,8 +222,9 @@ where
 }
 
 /// The scale s of noise v ~ N(0, s R) with heavy tails, as of
-/// [`HeavyTailed`](super::measurement::HeavyTailed): independent from measurement to measurement, and drawn anew from
-/// its law for each.
+/// [`HeavyTailed`](super::measurement::HeavyTailed): independent from measurement to measurement, and drawn anew for
+/// each. Half of the draws come from its law, half from its posterior where the mean of the state is the truth
+/// ([`GaussianMeasurement::propose_covariance_scale`]), so that outliers, which the law alone rarely draws, are met.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseScale<A> {
     motion: A,
@@ -237,6 +240,15 @@ impl<A> NoiseScale<A> {
     pub fn new(motion: A, branches: usize) -> Result<Self> {
         Ok(NoiseScale { motion, branches: sampled(branches)? })
     }
+}
+
+/// A measurement of heavy-tailed noise, digested.
+pub struct ScaleOver<H, S, const M: usize> {
+    sensor: H,
+    step: Option<S>,
+    at: Time,
+    z: [f64; M],
+    noise: Cholesky<M>,
 }
 
 /// A number of draws from each label.
@@ -256,8 +268,7 @@ where
     type Label = f64;
     type Motion = A;
     type Sensor = Conditioned<H, M>;
-    /// The sensor, if it measures.
-    type Over = Option<H>;
+    type Over = Option<ScaleOver<H, A::Step, M>>;
 
     fn accept(&self, sensor: &H) -> Result<()> {
         if sensor.is_heavy_tailed() {
@@ -276,21 +287,30 @@ where
         (0..count).for_each(|_| out(sensor.draw_covariance_scale(draws), 1.0 / count as f64));
     }
 
-    fn over(&self, sensor: &H, _: Time, _: Time, z: Option<&H::Value>) -> Result<Option<H>> {
-        Ok(z.map(|_| sensor.clone()))
+    fn over(&self, sensor: &H, from: Time, at: Time, z: Option<&H::Value>) -> Result<Self::Over> {
+        let digest = |z| {
+            let noise = Cholesky::of("covariance of the measurement", &Matrix(sensor.covariance()))?;
+            let step = if at > from { Some(self.motion.over(from, at)?) } else { None };
+            Ok(ScaleOver { sensor: sensor.clone(), step, at, z: sensor.components(z), noise })
+        };
+        z.map(digest).transpose()
     }
 
     fn branch(
         &self,
-        over: &Option<H>,
+        over: &Self::Over,
         from: &Hypothesis<N, f64>,
         draws: &mut Draws,
         out: &mut dyn FnMut(f64, f64),
     ) {
-        match over {
-            None => out(from.label, 1.0),
-            Some(sensor) => (0..self.branches)
-                .for_each(|_| out(sensor.draw_covariance_scale(draws), 1.0 / self.branches as f64)),
+        let Some(ScaleOver { sensor, step, at, z, noise }) = over else { return out(from.label, 1.0) };
+        let mean = *from.law.mean();
+        let mean = step.as_ref().map_or(mean, |step| A::apply(step, mean, [self.motion.noise().mean(); W]));
+        let residual = innovation::<H, N, M>(z, &sensor.predict(*at, mean));
+        let distance = noise.mahalanobis_squared(&residual);
+        for _ in 0..self.branches {
+            let (scale, ratio) = sensor.propose_covariance_scale(distance, draws);
+            out(scale, ratio / self.branches as f64);
         }
     }
 
