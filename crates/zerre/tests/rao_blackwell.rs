@@ -4,9 +4,10 @@
 use std::borrow::Borrow;
 use zerre::belief::{Gaussian, Hypotheses, Hypothesis};
 use zerre::filter::{Filter, Grid, Kalman, Linear, Outcome, RaoBlackwell, Tangent, Update};
-use zerre::model::measurement::{Conditioned, HeavyTailed, Position, RangeBearing};
+use zerre::math::Real;
+use zerre::model::measurement::{Conditioned, HeavyTailed, Linear as Sum, Position, RangeBearing};
 use zerre::model::motion::{ConstantVelocity, RandomWalk};
-use zerre::model::{GaussianMeasurement, Label, Latent, Measurement, NoiseScale, simulate};
+use zerre::model::{GaussianMeasurement, Label, Latent, Measurement, Motion, NoiseScale, simulate};
 use zerre::resample::Reduction;
 use zerre::rng::{Draws, Stream};
 use zerre::{Error, Result, Time};
@@ -420,4 +421,91 @@ fn scales_drawn_with_a_residual_in_view_keep_their_law() {
     check(HeavyTailed::student_t(position, 3.0).unwrap(), 1.0);
     check(HeavyTailed::student_t(position, 1e15).unwrap(), 1.0);
     check(HeavyTailed::outliers(position, 0.1, 5.0).unwrap(), 0.9 + 0.1 / 25.0);
+}
+
+/// A bias of the sensor that follows u' = 0.8 u + 0.6 w: the label is u, or a second component of the state.
+#[derive(Clone, Copy)]
+struct Bias;
+
+impl Bias {
+    fn next<R: Real>(u: R, w: R) -> R {
+        u * 0.8 + w * 0.6
+    }
+}
+
+impl Latent<1, 1, 1, Position<1>> for Bias {
+    type Label = f64;
+    type Motion = RandomWalk<1>;
+    type Sensor = Conditioned<Position<1>, 1>;
+    type Over = bool;
+    fn branches(&self) -> usize {
+        4
+    }
+    fn first(&self, _: &Position<1>, count: usize, draws: &mut Draws, out: &mut dyn FnMut(f64, f64)) {
+        (0..count).for_each(|_| out(draws.normal(), 1.0 / count as f64));
+    }
+    fn over(&self, _: &Position<1>, from: Time, to: Time, _: Option<&[f64; 1]>) -> Result<bool> {
+        Ok(to > from)
+    }
+    fn branch(
+        &self,
+        moves: &bool,
+        from: &Hypothesis<1, f64>,
+        draws: &mut Draws,
+        out: &mut dyn FnMut(f64, f64),
+    ) {
+        if *moves {
+            (0..4).for_each(|_| out(Bias::next(from.label, draws.normal()), 0.25));
+        } else {
+            out(from.label, 1.0);
+        }
+    }
+    fn motion(&self, _: &f64) -> Result<impl Borrow<RandomWalk<1>>> {
+        Ok(walk())
+    }
+    fn sensor(&self, base: &Position<1>, bias: &f64) -> Result<impl Borrow<Self::Sensor>> {
+        Conditioned::new(*base).with_offset([*bias])
+    }
+}
+
+impl Motion<2, 2> for Bias {
+    type Step = f64;
+    fn over(&self, from: Time, to: Time) -> Result<f64> {
+        Ok((0.5 * (to - from).secs()).sqrt())
+    }
+    #[inline(always)]
+    fn apply<R: Real>(sd: &f64, [x, u]: [R; 2], [v, w]: [R; 2]) -> [R; 2] {
+        [x + v * *sd, Bias::next(u, w)]
+    }
+}
+
+/// A label that lasts, with a law so straight that a Kalman filter over both is exact: evidence and what it weighs
+/// (the means of x and u, the variance of x) within five standard errors over 400 runs.
+#[test]
+fn a_label_that_lasts_is_followed_as_a_component_of_the_state_would_be() {
+    let both = Gaussian::independent([0.3, 0.0], [1.2, 1.0]).unwrap();
+    let sum = Sum::<1, 2>::new([[1.0, 1.0]], [[0.64]]).unwrap();
+    let kalman = Kalman::new(Bias, sum, both).unwrap();
+    let mut exact = kalman.start(Time::ZERO, Stream::new(1)).unwrap();
+    let mut log_evidence = 0.0;
+    for (t, z) in SEEN {
+        log_evidence += kalman.step(&mut exact, secs(t), z.map(|z| [z]).as_ref()).unwrap().log_evidence;
+    }
+    let ([x, u], variance) = (*exact.state.mean(), exact.state.covariance().0[0][0]);
+    let filter = Rao::new(Linear, Bias, sensor(), prior(), 60).unwrap();
+    let runs: Vec<[f64; 4]> = (0..400)
+        .map(|run| {
+            let (belief, evidence) = after(&filter, Stream::new(13).fork(run));
+            let (law, e) = (belief.combined().unwrap(), evidence / log_evidence.exp());
+            let (m, p) = (law.mean()[0], law.covariance().0[0][0]);
+            [e, e * (m - x), e * (belief.expectation(|&u| u) - u), e * (p + (m - x).powi(2))]
+        })
+        .collect();
+    for (k, expected) in [1.0, 0.0, 0.0, variance].into_iter().enumerate() {
+        let mean = runs.iter().map(|run| run[k]).sum::<f64>() / 400.0;
+        let variance = runs.iter().map(|run| (run[k] - mean).powi(2)).sum::<f64>() / 400.0;
+        let error = 5.0 * (variance / 400.0).sqrt();
+        assert!(error < 0.1, "says nothing: {error}");
+        assert!((mean - expected).abs() < error, "{k}: {mean}, not {expected} +- {error}");
+    }
 }
