@@ -194,10 +194,11 @@ fn weights_average_to_one() {
     assert!(identity(growth(), &[3.5], mean + 0.1, points).unwrap_err().contains("is not 0"));
 }
 
-/// Under Student noise of 3 degrees of freedom, of a walk of a second with the state known before: the share of the
-/// particles that is effective, 1 / E_q[(p l / q)^2] in units of E_q[p l / q]^2, for a proposal N(S z / (S + s), S s /
-/// (S + s)) with a share of a tenth of N(0, S). S is the variance of the walk, that of the sensor is 1. By the
-/// midpoint rule over ten standard deviations, exact to all digits that count for functions so smooth.
+/// Under Student noise of 3 degrees of freedom, of a walk of a second with the state known before: the share
+/// of the particles that is effective, 1 / E_q[(p l / q)^2] in units of E_q[p l / q]^2, for a proposal N(S z
+/// / (S + s), S s / (S + s)) with a share of a tenth of N(0, S). S is the variance of the walk, that of the
+/// sensor is 1. By the midpoint rule over ten standard deviations, exact to all digits that count for
+/// functions so smooth.
 fn effective(walk: f64, z: f64, s: f64) -> f64 {
     let normal = |d: f64, v: f64| (-0.5 * d * d / v).exp() / (std::f64::consts::TAU * v).sqrt();
     let (n, reach) = (8000, 20.0 * walk.sqrt());
@@ -220,8 +221,8 @@ fn scale(walk: f64, z: f64) -> f64 {
     })
 }
 
-/// Guided under Student noise, particles are as effective as the scale of their distance makes them; with R as it is,
-/// or times nu / (nu - 2), they would be less so, most of all where they face an outlier.
+/// Guided under Student noise, particles are as effective as the scale of their distance makes them; with R
+/// as it is, or times nu / (nu - 2), they would be less so, most of all where they face an outlier.
 #[test]
 fn an_outlier_does_not_guide() {
     let share = |walk: f64, z: f64, points: bool| {

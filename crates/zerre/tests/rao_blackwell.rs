@@ -1,5 +1,5 @@
-//! The Rao-Blackwellised filter over labels that are drawn: against all sequences of a label of few values, against
-//! the grid, and its refusals. Its enumerating case, modes, is in `imm.rs`.
+//! The Rao-Blackwellised filter over labels that are drawn: against all sequences of a label of few values,
+//! against the grid, and its refusals. Its enumerating case, modes, is in `imm.rs`.
 
 use std::borrow::Borrow;
 use zerre::belief::{Gaussian, Hypotheses, Hypothesis};
@@ -114,7 +114,8 @@ impl Latent<1, 1, 1, Position<1>> for Three {
 const SEEN: [(f64, Option<f64>); 5] =
     [(1.0, Some(0.9)), (1.0, Some(1.4)), (2.0, None), (3.0, Some(-1.0)), (4.0, Some(2.2))];
 
-/// Evidence, mean, variance and probability of the last label by all 3^5 sequences, a scalar Kalman filter for each.
+/// Evidence, mean, variance and probability of the last label by all 3^5 sequences, a scalar Kalman filter
+/// for each.
 fn by_all_sequences() -> (f64, f64, f64, [f64; 3]) {
     let mut parts: Vec<(usize, f64, f64, f64)> = (0..3).map(|u| (u, FIRST[u], 0.3, 1.44)).collect();
     let mut now = 0.0;
@@ -173,9 +174,9 @@ fn a_label_of_few_values_is_summed_over() {
     }
 }
 
-/// Values drawn from their law, or from another and weighed, and reduced by any rule: over 2 000 runs the evidence and
-/// sums weighed by it (which are unbiased, unlike their ratios) are those over all sequences, within five standard
-/// errors, and these are small enough to see a wrong factor.
+/// Values drawn from their law, or from another and weighed, and reduced by any rule: over 2 000 runs the
+/// evidence and sums weighed by it (which are unbiased, unlike their ratios) are those over all sequences,
+/// within five standard errors, and these are small enough to see a wrong factor.
 #[test]
 fn draws_of_a_label_are_unbiased_under_any_reduction() {
     let (exact, mean, variance, labels) = by_all_sequences();
@@ -247,8 +248,8 @@ fn draws_are_kept_apart_and_named_values_are_not() {
 }
 
 /// A random walk under Student noise, as the grid has it: to 1e-4 with 2 000 nodes, as halving them shows in
-/// `grid.rs`. Evidence and mean of 200 runs lie within five standard errors; the mean, a ratio, has a bias of the order
-/// of 1 / ESS posterior standard deviations, 1 / 100 here, for which as much is allowed.
+/// `grid.rs`. Evidence and mean of 200 runs lie within five standard errors; the mean, a ratio, has a bias of
+/// the order of 1 / ESS posterior standard deviations, 1 / 100 here, for which as much is allowed.
 #[test]
 fn student_noise_has_the_evidence_of_the_grid() {
     let robust = HeavyTailed::<_, 1>::student_t(sensor(), 3.0).unwrap();
@@ -295,8 +296,8 @@ fn student_noise_has_the_evidence_of_the_grid() {
     }
 }
 
-/// With Student noise of very many degrees of freedom nu it is Kalman: s = 1 + O(sqrt(2 / nu)), six times 1.4e-5 at most
-/// among these draws, and means move by at most that times the innovation, here below 4.
+/// With Student noise of very many degrees of freedom nu it is Kalman: s = 1 + O(sqrt(2 / nu)), six times
+/// 1.4e-5 at most among these draws, and means move by at most that times the innovation, here below 4.
 #[test]
 fn noise_that_is_nearly_normal_gives_nearly_kalman() {
     let robust = HeavyTailed::<_, 1>::student_t(sensor(), 1e10).unwrap();
@@ -312,7 +313,8 @@ fn noise_that_is_nearly_normal_gives_nearly_kalman() {
     }
 }
 
-/// A sensor given its label: z = h(x) + d + v with v ~ N(0, s R), angles wrapped, whatever tails the sensor has.
+/// A sensor given its label: z = h(x) + d + v with v ~ N(0, s R), angles wrapped, whatever tails the sensor
+/// has.
 #[test]
 fn a_conditioned_sensor_has_the_law_that_it_says() {
     let radar = RangeBearing::new([1.0, 2.0], 3.0, 0.1).unwrap();
@@ -394,8 +396,9 @@ fn what_does_not_fit_is_refused() {
     assert!(matches!(drawn.step(&mut belief, secs(1.0), None), Err(Error::Shape { .. })));
 }
 
-/// Draws with a residual in view stand for the law of the scale: E_q[p / q f(s)] = E_p[f(s)], within five standard
-/// errors of 40 000 draws, for 1 and 1 / s, whose mean is 1 under Student noise and 1 - e + e / scale^2 with outliers.
+/// Draws with a residual in view stand for the law of the scale: E_q[p / q f(s)] = E_p[f(s)], within five
+/// standard errors of 40 000 draws, for 1 and 1 / s, whose mean is 1 under Student noise and 1 - e + e /
+/// scale^2 with outliers.
 #[test]
 fn scales_drawn_with_a_residual_in_view_keep_their_law() {
     let check = |sensor: HeavyTailed<Position<2>, 2>, expected: f64| {
@@ -479,8 +482,8 @@ impl Motion<2, 2> for Bias {
     }
 }
 
-/// A label that lasts, with a law so straight that a Kalman filter over both is exact: evidence and what it weighs
-/// (the means of x and u, the variance of x) within five standard errors over 400 runs.
+/// A label that lasts, with a law so straight that a Kalman filter over both is exact: evidence and what it
+/// weighs (the means of x and u, the variance of x) within five standard errors over 400 runs.
 #[test]
 fn a_label_that_lasts_is_followed_as_a_component_of_the_state_would_be() {
     let both = Gaussian::independent([0.3, 0.0], [1.2, 1.0]).unwrap();

@@ -567,8 +567,8 @@ mod tests {
         }
     }
 
-    /// Given the scales of its noise the world with outliers is Kalman's: a few hypotheses come to the grid's error
-    /// within the hundredth that ESS of some hundred leave (1 / ESS in squares), and to its evidence.
+    /// Given the scales of its noise the world with outliers is Kalman's: a few hypotheses come to the grid's
+    /// error within the hundredth that ESS of some hundred leave (1 / ESS in squares), and to its evidence.
     #[test]
     fn with_the_noise_taken_apart_outliers_are_met() {
         let (exact, found) = (go("outliers", "grid", 500, 0..4), go("outliers", "rao-blackwell", 400, 0..4));

@@ -7,9 +7,10 @@ use crate::rng::Stream;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 
-/// What is known of a target beside whose state something is hidden: a mode of its motion, or anything else that a
-/// [`Latent`](crate::model::Latent) names. Hypotheses about the labels so far, each with its weight and, given it, a
-/// Gaussian. The belief of the Rao-Blackwellised filter ([`RaoBlackwell`](crate::filter::RaoBlackwell)).
+/// What is known of a target beside whose state something is hidden: a mode of its motion, or anything else
+/// that a [`Latent`](crate::model::Latent) names. Hypotheses about the labels so far, each with its weight
+/// and, given it, a Gaussian. The belief of the Rao-Blackwellised filter
+/// ([`RaoBlackwell`](crate::filter::RaoBlackwell)).
 ///
 /// It shows all hypotheses that the last step weighed; the next step goes on from as many as the filter keeps.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,13 +71,13 @@ impl<const N: usize, L: Label> PartialEq for Hypotheses<N, L> {
 }
 
 impl<const N: usize, L: Label> Hypotheses<N, L> {
-    /// The belief of these hypotheses, whose labels are numbers of so many `modes`; 0 where they are no numbers.
-    /// `stream` is what labels and reductions are drawn from.
+    /// The belief of these hypotheses, whose labels are numbers of so many `modes`; 0 where they are no
+    /// numbers. `stream` is what labels and reductions are drawn from.
     ///
     /// # Errors
     /// A label that [`Label::check`] refuses; of modes, no mode or more than
-    /// [`MAX_MODES`](crate::model::jump::MAX_MODES). Weights that are negative, not finite or do not sum to 1 within
-    /// 1e-9.
+    /// [`MAX_MODES`](crate::model::jump::MAX_MODES). Weights that are negative, not finite or do not sum to 1
+    /// within 1e-9.
     pub fn new(time: Time, stream: Stream, modes: usize, all: Vec<Hypothesis<N, L>>) -> Result<Self> {
         let mut sum = 0.0;
         for hypothesis in &all {

@@ -1,5 +1,5 @@
-//! The Rao-Blackwellised filter: what is hidden by enumeration, or draws, and reduction; the state given it by a
-//! Gaussian.
+//! The Rao-Blackwellised filter: what is hidden by enumeration, or draws, and reduction; the state given it
+//! by a Gaussian.
 
 use super::gaussian::{gate_distance, predict_law, update_law};
 use super::imm::weighed;
@@ -15,25 +15,26 @@ use crate::time::Time;
 use std::array::from_fn;
 use std::borrow::Borrow;
 
-/// The Rao-Blackwellised filter of a model that is linear and normal, or nearly so, given a [`Latent`] label: the mode
-/// of a [`JumpMarkov`] model (Doucet, Gordon and Krishnamurthy, IEEE Transactions on Signal Processing 49(3), 2001),
-/// the scale of heavy-tailed noise ([`NoiseScale`](crate::model::NoiseScale)), the nonlinear part of a mixed model
-/// (Schön, Gustafsson and Nordlund, same journal 53(7), 2005). It keeps hypotheses about the history of labels, each
-/// with a Kalman filter of one kind or another.
+/// The Rao-Blackwellised filter of a model that is linear and normal, or nearly so, given a [`Latent`] label:
+/// the mode of a [`JumpMarkov`] model (Doucet, Gordon and Krishnamurthy, IEEE Transactions on Signal
+/// Processing 49(3), 2001), the scale of heavy-tailed noise ([`NoiseScale`](crate::model::NoiseScale)), the
+/// nonlinear part of a mixed model (Schön, Gustafsson and Nordlund, same journal 53(7), 2005). It keeps
+/// hypotheses about the history of labels, each with a Kalman filter of one kind or another.
 ///
-/// A step takes every hypothesis through every label that may follow, or several draws of it, multiplies its weight by
-/// their probability and the evidence of the measurement (so that labels are proposed by their own posterior), and
-/// shows all of them. The next one first reduces them to the number that the filter keeps ([`Reduction`]), without
-/// bias: exp of the summed log-evidence has the expectation that no reduction would give. While the number is not
-/// exceeded nothing is reduced, and with labels that are enumerated the results on linear models are exact. Neighbours
-/// of equal labels and laws, as modes have at the start, go on as one.
+/// A step takes every hypothesis through every label that may follow, or several draws of it, multiplies its
+/// weight by their probability and the evidence of the measurement (so that labels are proposed by their own
+/// posterior), and shows all of them. The next one first reduces them to the number that the filter keeps
+/// ([`Reduction`]), without bias: exp of the summed log-evidence has the expectation that no reduction would
+/// give. While the number is not exceeded nothing is reduced, and with labels that are enumerated the results
+/// on linear models are exact. Neighbours of equal labels and laws, as modes have at the start, go on as one.
 ///
-/// [`Reduction::Optimal`] serves labels that are drawn as well as modes: it asks that no hypothesis stand twice
-/// among those it chooses from, and draws of a continuous label never do.
+/// [`Reduction::Optimal`] serves labels that are drawn as well as modes: it asks that no hypothesis stand
+/// twice among those it chooses from, and draws of a continuous label never do.
 ///
-/// A pair of hypothesis and label whose update is [`Outcome::Degenerate`] has evidence zero; where this befalls all, so
-/// is the outcome of the step. The gate is applied once, to the innovation of the combined law. Labels that are drawn
-/// report [`ParticleUpdate`], where a hypothesis with one of its draws counts as a particle.
+/// A pair of hypothesis and label whose update is [`Outcome::Degenerate`] has evidence zero; where this
+/// befalls all, so is the outcome of the step. The gate is applied once, to the innovation of the combined
+/// law. Labels that are drawn report [`ParticleUpdate`], where a hypothesis with one of its draws counts as a
+/// particle.
 ///
 /// ```
 /// use zerre::belief::Gaussian;
@@ -72,12 +73,12 @@ where
     L: Latent<N, W, M, H>,
     H: GaussianMeasurement<N, M>,
 {
-    /// The filter of these models, started from `prior` under every label, which keeps at most so many `hypotheses` and
-    /// reduces them by [`Reduction::Optimal`].
+    /// The filter of these models, started from `prior` under every label, which keeps at most so many
+    /// `hypotheses` and reduces them by [`Reduction::Optimal`].
     ///
     /// # Errors
-    /// Models or parameters that the `transform` or the labels do not hold for; no hypothesis, or so many that with all
-    /// branches they exceed 2^26; a number of branches that [`Latent::branches`] excludes.
+    /// Models or parameters that the `transform` or the labels do not hold for; no hypothesis, or so many
+    /// that with all branches they exceed 2^26; a number of branches that [`Latent::branches`] excludes.
     pub fn new(
         transform: T,
         model: L,
@@ -129,8 +130,9 @@ where
     A: Motion<N, W>,
     H: GaussianMeasurement<N, M>,
 {
-    /// Leaves out measurements whose squared Mahalanobis distance from what the combined law foretells exceeds the
-    /// chi-square quantile at `probability`. Labels that change the sensor have no one law of what it foretells.
+    /// Leaves out measurements whose squared Mahalanobis distance from what the combined law foretells
+    /// exceeds the chi-square quantile at `probability`. Labels that change the sensor have no one law of
+    /// what it foretells.
     ///
     /// # Errors
     /// `probability` outside (0, 1).
@@ -217,8 +219,8 @@ where
     let (mut first, mut before) = (0, None);
     for &(h, weight) in &*kept {
         let parent = &all[h as usize];
-        // Equal laws that neighbour each other go on as one where their labels are the same: only the label before
-        // told them apart.
+        // Equal laws that neighbour each other go on as one where their labels are the same: only the label
+        // before told them apart.
         if before != Some(parent.law) {
             (first, before) = (spare.len(), Some(parent.law));
         }
@@ -238,8 +240,8 @@ where
         refusal?;
     }
     spare.retain(|h| h.weight > 0.0);
-    // Rows of a chain sum to 1 within 1e-9 only. Weights of draws from another law do so in expectation, and are
-    // evidence.
+    // Rows of a chain sum to 1 within 1e-9 only. Weights of draws from another law do so in expectation, and
+    // are evidence.
     let sum: f64 = spare.iter().map(|h| h.weight).sum();
     let sum = Error::positive("sum of the weights", sum)?;
     spare.iter_mut().for_each(|h| h.weight /= sum);

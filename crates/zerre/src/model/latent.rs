@@ -40,16 +40,16 @@ impl Label for f64 {
     }
 }
 
-/// A label u_k with a law of its own, given which the motion and the measurement of x are linear and normal, or as
-/// near to it as a [`Transform`](crate::filter::Transform) asks: the first kinds of mixed linear and nonlinear models
-/// of Schön, Gustafsson and Nordlund (IEEE Transactions on Signal Processing 53(7), 2005), u being the nonlinear part.
-/// [`RaoBlackwell`](crate::filter::RaoBlackwell) goes through labels by hypotheses and through x by a Kalman filter
-/// for each.
+/// A label u_k with a law of its own, given which the motion and the measurement of x are linear and normal,
+/// or as near to it as a [`Transform`](crate::filter::Transform) asks: the first kinds of mixed linear and
+/// nonlinear models of Schön, Gustafsson and Nordlund (IEEE Transactions on Signal Processing 53(7), 2005), u
+/// being the nonlinear part. [`RaoBlackwell`](crate::filter::RaoBlackwell) goes through labels by hypotheses
+/// and through x by a Kalman filter for each.
 ///
-/// Labels are enumerated, as [`JumpMarkov`] does with its modes, or sampled, as [`NoiseScale`] does with the scale of
-/// heavy-tailed noise: from every label [`Latent::branch`] goes on to several, and the filter weighs each by the
-/// evidence of the measurement. What u does next must not depend on x: x would be seen through it once more, as by a
-/// second sensor (the third kind of the source), which is not done here.
+/// Labels are enumerated, as [`JumpMarkov`] does with its modes, or sampled, as [`NoiseScale`] does with the
+/// scale of heavy-tailed noise: from every label [`Latent::branch`] goes on to several, and the filter weighs
+/// each by the evidence of the measurement. What u does next must not depend on x: x would be seen through it
+/// once more, as by a second sensor (the third kind of the source), which is not done here.
 ///
 /// A random walk, measured with noise whose log-variance is a random walk itself:
 ///
@@ -79,7 +79,13 @@ impl Label for f64 {
 ///     fn over(&self, _: &Position<1>, from: Time, to: Time, _: Option<&[f64; 1]>) -> Result<f64> {
 ///         Ok((to - from).secs().sqrt())
 ///     }
-///     fn branch(&self, dt: &f64, from: &Hypothesis<1, f64>, draws: &mut Draws, out: &mut dyn FnMut(f64, f64)) {
+///     fn branch(
+///         &self,
+///         dt: &f64,
+///         from: &Hypothesis<1, f64>,
+///         draws: &mut Draws,
+///         out: &mut dyn FnMut(f64, f64),
+///     ) {
 ///         (0..4).for_each(|_| out(from.label + 0.3 * dt * draws.normal(), 0.25));
 ///     }
 ///     fn motion(&self, _: &f64) -> Result<impl Borrow<RandomWalk<1>>> {
@@ -126,8 +132,9 @@ where
         0
     }
 
-    /// Most labels that one step leads to from one label, at most [`MAX_MODES`](crate::model::jump::MAX_MODES). Of
-    /// labels that are drawn there are two at least: where there is but one, all are kept and none is ever chosen.
+    /// Most labels that one step leads to from one label, at most
+    /// [`MAX_MODES`](crate::model::jump::MAX_MODES). Of labels that are drawn there are two at least: where
+    /// there is but one, all are kept and none is ever chosen.
     fn branches(&self) -> usize;
 
     /// Labels to start from, with probabilities that sum to 1: all there are, or `count` draws, each from
@@ -140,10 +147,11 @@ where
     /// Parameters that are not finite or out of range.
     fn over(&self, sensor: &H, from: Time, to: Time, z: Option<&H::Value>) -> Result<Self::Over>;
 
-    /// Labels that may follow that of a hypothesis, with weights whose expectation is the law of the label: its
-    /// probabilities where all are named (always the same labels in the same order, so that hypotheses of equal laws
-    /// can go on as one), 1 over their number where they are drawn from it, p / q over their number where drawn from
-    /// another law q that looks at the measurement. Over no time a label that lasts is handed back as it is.
+    /// Labels that may follow that of a hypothesis, with weights whose expectation is the law of the label:
+    /// its probabilities where all are named (always the same labels in the same order, so that hypotheses of
+    /// equal laws can go on as one), 1 over their number where they are drawn from it, p / q over their
+    /// number where drawn from another law q that looks at the measurement. Over no time a label that lasts
+    /// is handed back as it is.
     fn branch(
         &self,
         over: &Self::Over,
@@ -152,8 +160,8 @@ where
         out: &mut dyn FnMut(Self::Label, f64),
     );
 
-    /// A number below [`MAX_MODES`](crate::model::jump::MAX_MODES) of the motion of a label, if labels share it: it is
-    /// then digested once a step.
+    /// A number below [`MAX_MODES`](crate::model::jump::MAX_MODES) of the motion of a label, if labels share
+    /// it: it is then digested once a step.
     fn shared_motion(&self, _label: &Self::Label) -> Option<usize> {
         None
     }
@@ -222,9 +230,10 @@ where
 }
 
 /// The scale s of noise v ~ N(0, s R) with heavy tails, as of
-/// [`HeavyTailed`](super::measurement::HeavyTailed): independent from measurement to measurement, and drawn anew for
-/// each. Half of the draws come from its law, half from its posterior where the mean of the state is the truth
-/// ([`GaussianMeasurement::propose_covariance_scale`]), so that outliers, which the law alone rarely draws, are met.
+/// [`HeavyTailed`](super::measurement::HeavyTailed): independent from measurement to measurement, and drawn
+/// anew for each. Half of the draws come from its law, half from its posterior where the mean of the state is
+/// the truth ([`GaussianMeasurement::propose_covariance_scale`]), so that outliers, which the law alone
+/// rarely draws, are met.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseScale<A> {
     motion: A,
@@ -232,8 +241,8 @@ pub struct NoiseScale<A> {
 }
 
 impl<A> NoiseScale<A> {
-    /// A target of this motion, whose measurements take `branches` draws of s for each hypothesis: the more, the
-    /// better rare scales are met.
+    /// A target of this motion, whose measurements take `branches` draws of s for each hypothesis: the more,
+    /// the better rare scales are met.
     ///
     /// # Errors
     /// Fewer than two branches, more than [`MAX_MODES`](crate::model::jump::MAX_MODES).

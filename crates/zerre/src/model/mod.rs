@@ -139,8 +139,9 @@ pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
         1.0
     }
 
-    /// Draws s with a residual in view, of the squared Mahalanobis distance r' R^-1 r, and gives with it the ratio p / q
-    /// of its law to that which it is drawn from. Half of q should be p itself: then no ratio exceeds 2.
+    /// Draws s with a residual in view, of the squared Mahalanobis distance r' R^-1 r, and gives with it the
+    /// ratio p / q of its law to that which it is drawn from. Half of q should be p itself: then no ratio
+    /// exceeds 2.
     fn propose_covariance_scale(&self, _mahalanobis_squared: f64, draws: &mut Draws) -> (f64, f64) {
         (self.draw_covariance_scale(draws), 1.0)
     }

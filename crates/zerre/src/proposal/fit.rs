@@ -321,18 +321,19 @@ where
     (robust(given, &rows, &residuals, None), zero)
 }
 
-/// Turns between the scale of heavy-tailed noise and the fit. They begin with the law of the process noise, which
-/// makes a residual that is far off an outlier, not news of the state; four come to within a hundredth of what more
-/// turns give.
+/// Turns between the scale of heavy-tailed noise and the fit. They begin with the law of the process noise,
+/// which makes a residual that is far off an outlier, not news of the state; more than four gain nothing
+/// unless the process noise is far wider than R.
 const ROBUST_ROUNDS: usize = 4;
 
-/// The fit under noise of covariance s R. No one s serves all particles: near the measurement the tails do not show,
-/// and far from it they are all there is. So s and v are taken as independent given the measurement, the normal law
-/// of v nearest to its posterior in that form (variational Bayes; Piché, Särkkä and Hartikainen, MLSP 2012): in turns,
-/// s follows from the expected distance of the measurement and v from s. The line misses `missed`, if anything.
+/// The fit under noise of covariance s R. No one s serves all particles: near the measurement the tails do
+/// not show, and far from it they are all there is. So s and v are taken as independent given the
+/// measurement, the normal law of v nearest to its posterior in that form (variational Bayes; Piché, Särkkä
+/// and Hartikainen, MLSP 2012): in turns, s follows from the expected distance of the measurement and v from
+/// s. The line misses `missed`, if anything.
 ///
-/// R times the variance of the noise, nu / (nu - 2) for Student's law, is no better than R itself: it widens the fit
-/// of the many measurements that are no outliers, and still draws the particles to those that are.
+/// R times the variance of the noise, nu / (nu - 2) for Student's law, is no better than R itself: it widens
+/// the fit of the many measurements that are no outliers, and still draws the particles to those that are.
 #[inline(always)]
 fn robust<R: Float, A, H, T: Fit, const N: usize, const W: usize, const M: usize>(
     given: &Given<'_, A::Step, A, H, T, M>,

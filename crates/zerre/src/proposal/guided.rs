@@ -28,8 +28,9 @@ use std::array::from_fn;
 /// It is [`DEFENSIVE`] where the process noise is not normal or the sensor robust, and nothing elsewhere,
 /// unless it is set.
 ///
-/// Of a robust sensor with noise v ~ N(0, s R) and random s, the fit of a particle takes the s that its distance from
-/// the measurement speaks for: a particle that faces an outlier stays where the motion takes it.
+/// Of a robust sensor with noise v ~ N(0, s R) and random s, the fit of a particle takes the s that its
+/// distance from the measurement speaks for: a particle that faces an outlier stays where the motion takes
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guided<T, const M: usize> {
     transform: T,

@@ -1,5 +1,5 @@
-//! Rao-Blackwellised filters over labels that are drawn, for the list. The labels come to nothing, or to noise that the
-//! sensor of the world has anyway, so that the posterior is Kalman's.
+//! Rao-Blackwellised filters over labels that are drawn, for the list. The labels come to nothing, or to
+//! noise that the sensor of the world has anyway, so that the posterior is Kalman's.
 
 use crate::list::{Class, Entry, Estimates, Means, Sensor, World, entry};
 use serde::{Deserialize, Serialize};
@@ -35,7 +35,8 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     list
 }
 
-/// A share of the noise of each measurement is drawn: z = h(x) + d + v, d ~ N(0, share R), v ~ N(0, (1 - share) R).
+/// A share of the noise of each measurement is drawn: z = h(x) + d + v, d ~ N(0, share R), v ~ N(0, (1 -
+/// share) R).
 struct NoiseShare {
     motion: ConstantVelocity<2>,
     share: f64,

@@ -7,9 +7,9 @@ use crate::model::{GaussianMeasurement, Measurement};
 use crate::time::Time;
 use std::array::from_fn;
 
-/// A sensor whose noise is normal and known but for what a [`Latent`](crate::model::Latent) says: z = h(x) + d + v,
-/// v ~ N(0, s R), with h and R of the sensor. What that sensor says itself of the tails of its noise does not count:
-/// it is what s stands for.
+/// A sensor whose noise is normal and known but for what a [`Latent`](crate::model::Latent) says: z = h(x) +
+/// d + v, v ~ N(0, s R), with h and R of the sensor. What that sensor says itself of the tails of its noise
+/// does not count: it is what s stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditioned<H, const M: usize> {
     sensor: H,
