@@ -114,14 +114,17 @@ impl Latent<1, 1, 1, Position<1>> for Three {
 const SEEN: [(f64, Option<f64>); 5] =
     [(1.0, Some(0.9)), (1.0, Some(1.4)), (2.0, None), (3.0, Some(-1.0)), (4.0, Some(2.2))];
 
+/// A sequence of labels: the last one, weight, mean and variance.
+type Part = (usize, f64, f64, f64);
+
 /// Evidence, mean, variance and probability of the last label by all 3^5 sequences, a scalar Kalman filter
 /// for each.
 fn by_all_sequences() -> (f64, f64, f64, [f64; 3]) {
-    let mut parts: Vec<(usize, f64, f64, f64)> = (0..3).map(|u| (u, FIRST[u], 0.3, 1.44)).collect();
+    let mut parts: Vec<Part> = (0..3).map(|u| (u, FIRST[u], 0.3, 1.44)).collect();
     let mut now = 0.0;
     for (t, z) in SEEN {
         if t > now {
-            let next = |&(u, w, m, p): &(usize, f64, f64, f64)| -> [(usize, f64, f64, f64); 3] {
+            let next = |&(u, w, m, p): &Part| -> [Part; 3] {
                 std::array::from_fn(|v| (v, w * ROWS[u][v], m, p + WALK[v] * (t - now)))
             };
             parts = parts.iter().flat_map(next).collect();
@@ -138,7 +141,7 @@ fn by_all_sequences() -> (f64, f64, f64, [f64; 3]) {
     }
     assert_eq!(parts.len(), 3 * 81);
     let sum: f64 = parts.iter().map(|part| part.1).sum();
-    let of = |f: &dyn Fn(&(usize, f64, f64, f64)) -> f64| parts.iter().map(|x| x.1 * f(x)).sum::<f64>() / sum;
+    let of = |f: &dyn Fn(&Part) -> f64| parts.iter().map(|x| x.1 * f(x)).sum::<f64>() / sum;
     let mean = of(&|x| x.2);
     let variance = of(&|x| x.3 + (x.2 - mean).powi(2));
     (sum, mean, variance, std::array::from_fn(|u| of(&|x| f64::from(u8::from(x.0 == u)))))
@@ -247,6 +250,9 @@ fn draws_are_kept_apart_and_named_values_are_not() {
     }
 }
 
+/// A mean and the log-evidence so far.
+type Said = (f64, f64);
+
 /// A random walk under Student noise, as the grid has it: to 1e-4 with 2 000 nodes, as halving them shows in
 /// `grid.rs`. Evidence and mean of 200 runs lie within five standard errors; the mean, a ratio, has a bias of
 /// the order of 1 / ESS posterior standard deviations, 1 / 100 here, for which as much is allowed.
@@ -258,7 +264,7 @@ fn student_noise_has_the_evidence_of_the_grid() {
     let mut data = simulate::measurements(&robust, &path, &times, Stream::new(5)).unwrap();
     // And one that is an outlier for sure.
     data[7][0] += 9.0;
-    let through = |belief: &mut dyn FnMut(Time, &[f64; 1]) -> (f64, f64)| -> Vec<(f64, f64)> {
+    let through = |belief: &mut dyn FnMut(Time, &[f64; 1]) -> Said| -> Vec<Said> {
         times[1..].iter().zip(&data[1..]).map(|(&t, z)| belief(t, z)).collect()
     };
     let grid = Grid::new(prior(), walk(), robust).unwrap().with_nodes(2000).unwrap();
@@ -270,7 +276,7 @@ fn student_noise_has_the_evidence_of_the_grid() {
     });
     let sd = belief.covariance().0[0][0].sqrt();
     let filter = Rao::new(Linear, NoiseScale::new(walk(), 4).unwrap(), robust, prior(), 200).unwrap();
-    let runs: Vec<Vec<(f64, f64)>> = (0..200)
+    let runs: Vec<Vec<Said>> = (0..200)
         .map(|run| {
             let mut belief = filter.start(Time::ZERO, Stream::new(11).fork(run)).unwrap();
             let mut sum = 0.0;
@@ -282,7 +288,7 @@ fn student_noise_has_the_evidence_of_the_grid() {
             })
         })
         .collect();
-    let average = |of: &dyn Fn(&[(f64, f64)]) -> f64| {
+    let average = |of: &dyn Fn(&[Said]) -> f64| {
         let mean = runs.iter().map(|run| of(run)).sum::<f64>() / 200.0;
         let variance = runs.iter().map(|run| (of(run) - mean).powi(2)).sum::<f64>() / 200.0;
         (mean, (variance / 200.0).sqrt())
