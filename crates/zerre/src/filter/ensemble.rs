@@ -110,7 +110,7 @@ where
     pub fn new(prior: P, motion: A, measurement: H, settings: EnsembleSettings) -> Result<Self> {
         enough::<M>(settings.members)?;
         // Far out in the tail a robust model has long departed from 1.
-        if measurement.covariance_scale(1e6) != 1.0 {
+        if measurement.is_heavy_tailed() {
             let what =
                 "the ensemble Kalman filter takes measurements with normal noise only, not robust ones";
             return Err(Error::Unsupported(what.into()));

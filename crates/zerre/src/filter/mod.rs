@@ -26,6 +26,7 @@ pub use deadline::{Budget, Deadline};
 pub use ensemble::{Correcting, Ensemble, EnsembleSettings};
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
+pub(crate) use gaussian::innovation;
 pub use gaussian::{GaussianFilter, Joint, PredictedMeasurement, Transform, predict_measurement};
 pub use gaussian_sum::{GaussianSum, Simplified, SumSettings};
 pub use grid::Grid;

@@ -171,7 +171,8 @@ where
             }
             (Finally::Hypotheses(_), Belief::Modal(law)) => {
                 let each = law.probabilities().iter().enumerate();
-                let all = each.map(|(mode, &weight)| Hypothesis { mode, weight, law: *law.mode(mode) });
+                let all =
+                    each.map(|(mode, &weight)| Hypothesis { label: mode, weight, law: *law.mode(mode) });
                 Belief::Hypotheses(Hypotheses::new(law.time(), stream, law.len(), all.collect())?)
             }
             (Finally::EveryMode(filter), Belief::Modal(law)) => {

@@ -132,6 +132,7 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
         }
     }
     list.extend(crate::list_modes_gaussian::filters(world));
+    list.extend(crate::list_latent::filters(world, means));
     list.extend(crate::list_moves::filters(world, means));
     list.extend(crate::list_deterministic::filters(world, means));
     let default = NoiseSource::default();

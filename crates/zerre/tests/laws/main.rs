@@ -9,6 +9,7 @@ mod limits;
 mod list;
 mod list_deterministic;
 mod list_guided;
+mod list_latent;
 mod list_modes_gaussian;
 mod list_moves;
 mod list_sizes;
