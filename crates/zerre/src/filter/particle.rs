@@ -1,7 +1,7 @@
 //! The particle filter: sequential importance sampling with resampling (Gordon, Salmond and Smith, IEE Proceedings F
 //! 140, 1993), with any [`proposal`](crate::proposal).
 
-use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
+use crate::belief::{Cloud, Gaussian, Lineage, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::rejuvenation::{Rejuvenation, gather};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
@@ -356,7 +356,7 @@ where
         }
         std::mem::swap(&mut cloud.kept, &mut cloud.log_weights);
         std::mem::swap(&mut cloud.log_weights, &mut cloud.scores);
-        cloud.equal = false;
+        (cloud.equal, cloud.lineage) = (false, Lineage::Ancestors);
         cloud.log_sum -= total.log_sum() - before;
         (Some(distinct_ancestors), evaluations)
     }
@@ -452,6 +452,7 @@ where
             rejuvenation.apply(simd, cloud);
         }
         cloud.step += 1;
+        cloud.lineage = Lineage::Numbers;
         let n = cloud.len();
         let before = (cloud.pending, cloud.equal, cloud.log_sum);
         let (ahead, expectations) = match (lookahead, &moved, &digest) {

@@ -10,6 +10,7 @@ mod likelihood;
 pub mod measurement;
 pub mod motion;
 pub mod simulate;
+pub(crate) mod state_space;
 mod transition;
 
 use crate::error::Result;
@@ -18,6 +19,7 @@ use crate::rng::Draws;
 use crate::time::Time;
 pub use jump::{Chain, JumpMarkov};
 pub use likelihood::Likelihood;
+pub use state_space::StateSpace;
 pub use transition::TransitionDensity;
 
 /// How the state moves: x_k = f(x_{k-1}, w_k), with `N` state components and `W` noise components.
