@@ -69,8 +69,8 @@ impl<const K: usize> Chain<K> {
 /// algorithm of Metropolis and Hastings.
 ///
 /// In the burn-in the covariance of the steps and their size are fitted (Andrieu and Thoms, Statistics and
-/// Computing 18, 2008, algorithm 4); then they stay. Each move hands another [`Stream`] to `log_likelihood`. -inf means impossible: return it
-/// where a model refuses the value.
+/// Computing 18, 2008, algorithm 4); then they stay. Each move hands another [`Stream`] to `log_likelihood`.
+/// -inf means impossible: return it where a model refuses the value.
 ///
 /// # Errors
 /// A start outside the prior or of likelihood zero, settings out of range, a log-likelihood that is NaN or

@@ -231,8 +231,7 @@ where
 }
 
 impl<const K: usize, F: Filter, Z, M> SmcSquared<K, F, Z, M> {
-    /// ln p(z_1..k) of the model, its parameters summed out under their priors. Its exponential is unbiased
-    /// as long as the number of particles has not changed.
+    /// ln p(z_1..k) of the model, its parameters summed out under their priors.
     pub fn log_evidence(&self) -> f64 {
         self.log_evidence
     }

@@ -47,13 +47,14 @@ pub struct EmTrace<const K: usize> {
 /// Maximum likelihood along with a particle filter, each measurement being looked at once (online EM: Cappé,
 /// Journal of Computational and Graphical Statistics 20(3), 2011; with particle smoothing Del Moral, Doucet
 /// and Singh 2010). `statistics` gives the sufficient statistics s of the complete data of one step, a step of
-/// the path and the measurement at its end, and `maximise` the parameters under which statistics are likeliest.
-/// In every step the filter of the current value moves on, the smoothed statistics become S = (1 - g) S + g s
+/// the path and the measurement at its end; `maximise` gives the likeliest parameters under statistics. In
+/// every step the filter of the current value moves on, the smoothed statistics become S = (1 - g) S + g s
 /// with g = k^-exponent, by [`Paris`], and the value becomes that of S.
 ///
-/// The values go to a maximum of the likelihood of ever more measurements, up to a bias of the order of one
-/// over the number of particles; on the way there a record of some thousand steps is needed. The prior only
-/// says where values may lie.
+/// The values go to a maximum of the likelihood of ever more measurements, over some thousand steps, and up to
+/// a bias: that of the smoothed statistics, of the order of one over the number of particles, times the
+/// information that path and measurements would give over that of the measurements alone, which can be ten and
+/// more. The prior only says where values may lie.
 ///
 /// # Errors
 /// A start outside the prior, an exponent outside (0.5, 1], a motion without

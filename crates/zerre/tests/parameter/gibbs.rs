@@ -1,6 +1,6 @@
 //! Particle Gibbs.
 
-use crate::{agrees, nile, quadrature, variances};
+use crate::{Data, agrees, nile, quadrature, variances};
 use std::array::from_fn;
 use zerre::belief::Gaussian;
 use zerre::math::Matrix;
@@ -26,7 +26,7 @@ const INSTANTS: [(f64, bool); 6] =
 /// Parameters and path drawn from the prior and measurements drawn for them are a draw from the posterior,
 /// whatever the measurements are; what two particles make of it must be one too (Geweke 2004). So numbers
 /// whose law is known under the joint law of everything keep it: of each its mean, over 20 000 draws, within 5
-/// standard errors; there are 22. Three turns double what is wrong in one.
+/// standard errors; there are 23. Three turns double what is wrong in one.
 #[test]
 fn the_joint_law_stays() {
     const RUNS: u64 = 20_000;
@@ -101,7 +101,7 @@ fn nile_model(theta: &[f64; 2]) -> Result<Level> {
 fn steps_have_the_posterior_of_the_nile_as_their_law() {
     let Some(data) = nile() else { return };
     let truth = quadrature(&data, &variances());
-    let settings = GibbsSettings { draws: 6000, burn_in: 500, ..GibbsSettings::default() };
+    let settings = GibbsSettings { draws: 3000, burn_in: 400, ..GibbsSettings::default() };
     let data = (Time::from_secs(1.0), data.as_slice());
     let start = ([10_000.0, 3000.0], None);
     let run = || {
@@ -112,8 +112,8 @@ fn steps_have_the_posterior_of_the_nile_as_their_law() {
     agrees(&found.chain, &truth);
     let chain = &found.chain;
     assert!((0.15..0.6).contains(&chain.accepted) && chain.impossible == 0, "{}", chain.accepted);
-    assert!(found.renewed.iter().all(|&share| share > 0.5), "{:?}", found.renewed);
-    assert_eq!((chain.draws.len(), chain.log_likelihoods.len(), found.path.len()), (6000, 6000, 101));
+    assert!(found.renewed.iter().all(|&share| share > 0.4), "{:?}", found.renewed);
+    assert_eq!((chain.draws.len(), chain.log_likelihoods.len(), found.path.len()), (3000, 3000, 101));
 }
 
 /// Exact draws under conjugate priors; with two particles, paths change more slowly, and the law is the same.
@@ -124,7 +124,7 @@ fn exact_draws_have_the_posterior_of_the_nile_as_their_law() {
     let law = |scale| Law::InverseGamma { shape, scale };
     let parameters = Parameters::new([("noise", law(scales[0])), ("level", law(scales[1]))]).unwrap();
     let truth = quadrature(&data, &parameters);
-    for (particles, draws) in [(20, 5000), (2, 20_000)] {
+    for (particles, draws) in [(20, 2000), (2, 8000)] {
         let settings = GibbsSettings { draws, burn_in: 500, particles, ..GibbsSettings::default() };
         let mut draw = |path: &[[f64; 1]], random: &mut Draws| {
             let half = |terms: &mut dyn Iterator<Item = f64>| terms.map(|t| 0.5 * t * t).sum::<f64>();
@@ -167,27 +167,27 @@ fn what_has_no_conditional_path_is_refused() {
     let at = Time::from_secs;
     fn path<A: Motion<N, W>, const N: usize, const W: usize>(
         motion: A,
-        (data, reference): (&[(Time, Option<[f64; 1]>)], Option<&[[f64; N]]>),
+        (data, reference): (&Data, Option<&[[f64; N]]>),
         particles: usize,
     ) -> Result<Vec<[f64; N]>> {
         let prior = Gaussian::independent([0.0; N], [1.0; N])?;
         let model = StateSpace { prior, motion, sensor: Position::<1>::new(1.0)? };
-        conditional_path(&model, (Time::ZERO, data), reference, particles, Stream::new(1))
+        conditional_path(&model, (Time::ZERO, data.as_slice()), reference, particles, Stream::new(1))
     }
     let walk = RandomWalk::<1>::new(1.0).unwrap();
-    let data = [(at(1.0), Some([0.3])), (at(1.0), None)];
+    let data = vec![(at(1.0), Some([0.3])), (at(1.0), None)];
     let good = path(walk, (&data, None), 2).unwrap();
     assert_eq!((good.len(), good[1]), (3, good[2]));
-    assert_eq!(path(walk, (&[], Some(&[[1.0]])), 2).unwrap().len(), 1);
+    assert_eq!(path(walk, (&vec![], Some(&[[1.0]])), 2).unwrap().len(), 1);
     assert!(matches!(path(walk, (&data, None), 1), Err(Error::OutOfRange { .. })));
     assert!(matches!(path(walk, (&data, Some(&good[1..])), 5), Err(Error::Shape { .. })));
     let torn = [good[0], good[1], [good[2][0] + 1.0]];
     assert!(matches!(path(walk, (&data, Some(&torn)), 5), Err(Error::Unsupported(_))));
-    let back = [(at(1.0), None), (at(0.5), None)];
+    let back = vec![(at(1.0), None), (at(0.5), None)];
     assert!(matches!(path(walk, (&back, None), 5), Err(Error::OutOfOrder { .. })));
-    let absurd = [(at(1.0), Some([1e200]))];
+    let absurd = vec![(at(1.0), Some([1e200]))];
     assert!(matches!(path(walk, (&absurd, None), 5), Err(Error::Unsupported(_))));
-    assert!(path(walk, (&[(at(1.0), Some([f64::NAN]))], None), 5).is_err());
+    assert!(path(walk, (&vec![(at(1.0), Some([f64::NAN]))], None), 5).is_err());
     let flat = WienerAcceleration::<1>::new(1.0).unwrap();
     assert!(matches!(path(flat, (&data, None), 5), Err(Error::Unsupported(_))));
     // Positive noise: no particle may lead to the reference, but the one that did.

@@ -17,10 +17,10 @@ use zerre::parameter::{Chain, Law, Parameters, log_likelihood};
 use zerre::rng::Stream;
 use zerre::{Result, Time};
 
-pub type Data = Vec<(Time, Option<[f64; 1]>)>;
+type Data = Vec<(Time, Option<[f64; 1]>)>;
 
 /// Yearly flow at Aswan, 1871 to 1970, in 1e8 m^3, a year counting as a second.
-pub fn nile() -> Option<Data> {
+fn nile() -> Option<Data> {
     let text = std::fs::read_to_string(recording("smc_timeseries/nile.csv")?).unwrap();
     let flow = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
     let rows = text.lines().skip(1).zip(1..);
@@ -28,34 +28,34 @@ pub fn nile() -> Option<Data> {
 }
 
 /// The exact filter of a local level.
-pub type LocalLevel = Kalman<RandomWalk<1>, Position<1>, 1, 1, 1>;
+type LocalLevel = Kalman<RandomWalk<1>, Position<1>, 1, 1, 1>;
 
 /// What of the flow a year's noise is, and how far the level wanders in a year: standard deviations.
-pub fn kalman(theta: &[f64; 2], first: f64) -> Result<LocalLevel> {
+fn kalman(theta: &[f64; 2], first: f64) -> Result<LocalLevel> {
     let prior = Gaussian::new([if first > 1e6 { 0.0 } else { 1000.0 }], Matrix([[first]]))?;
     Kalman::new(RandomWalk::<1>::new(theta[1])?, Position::<1>::new(theta[0].sqrt())?, prior)
 }
 
-pub fn exact(data: &Data, theta: &[f64; 2], first: f64) -> Result<f64> {
+fn exact(data: &Data, theta: &[f64; 2], first: f64) -> Result<f64> {
     log_likelihood(&kalman(theta, first)?, Time::from_secs(1.0), data, Stream::new(0))
 }
 
 /// The two variances, each within a factor of about three of what the literature has.
-pub fn variances() -> Parameters<2> {
+fn variances() -> Parameters<2> {
     let noise = Law::LogNormal { median: 15_000.0, sd: 1.0 };
     Parameters::new([("noise", noise), ("level", Law::InverseGamma { shape: 2.0, scale: 2000.0 })]).unwrap()
 }
 
 /// Moments of ln of both variances, and the evidence of the model.
-pub struct Posterior {
-    pub mean: [f64; 2],
-    pub sd: [f64; 2],
-    pub log_evidence: f64,
+struct Posterior {
+    mean: [f64; 2],
+    sd: [f64; 2],
+    log_evidence: f64,
 }
 
 /// By a product rule over ten posterior standard deviations, a tenth of one apart: exact to many digits for
 /// so smooth a function.
-pub fn quadrature(data: &Data, parameters: &Parameters<2>) -> Posterior {
+fn quadrature(data: &Data, parameters: &Parameters<2>) -> Posterior {
     let (mut weights, mut sums) = (0.0, [0.0; 4]);
     for i in 0..80 {
         for j in 0..80 {
@@ -80,7 +80,7 @@ pub fn quadrature(data: &Data, parameters: &Parameters<2>) -> Posterior {
 
 /// Means of the chain within five of their standard errors, and no more than a quarter of a posterior
 /// standard deviation wide; mean squares too.
-pub fn agrees(chain: &Chain<2>, truth: &Posterior) {
+fn agrees(chain: &Chain<2>, truth: &Posterior) {
     for k in 0..2 {
         let z = |theta: &[f64; 2]| (theta[k].ln() - truth.mean[k]) / truth.sd[k];
         let (first, error) = (chain.mean(z), chain.standard_error(z));

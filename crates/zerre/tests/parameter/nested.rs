@@ -53,8 +53,8 @@ where
 
 /// Evidence, relative to the truth, and moments over independent runs: their means within five standard
 /// errors of the truth, which come from the spread of the runs (nine degrees of freedom: beyond 5 lies 7e-4 of
-/// Student's law on either side, and there are five comparisons). The evidence is unbiased; what the moments of
-/// n values lack is of the order of their variance over n, far below.
+/// Student's law, and there are five comparisons). What evidence and moments of n values lack is of the order of
+/// their variance over n, far below.
 fn agrees(data: &Data, runs: &[[f64; 5]], most: f64) {
     let truth = quadrature(data, &variances());
     let n = runs.len() as f64;
@@ -92,7 +92,7 @@ fn particles_inside_give_evidence_and_posterior() {
     let settings = NestedSettings { values: 150, particles: 20, ..NestedSettings::default() };
     let runs: Vec<_> = (0..10).map(|seed| run(&data, &settings, seed, particles)).collect();
     assert!(runs.iter().all(|(.., size)| (40..=640).contains(size)), "{runs:?}");
-    agrees(&data, &runs.iter().map(|run| run.0).collect::<Vec<_>>(), 0.1);
+    agrees(&data, &runs.iter().map(|run| run.0).collect::<Vec<_>>(), 0.2);
 }
 
 #[test]

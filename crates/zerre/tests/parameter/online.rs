@@ -12,6 +12,8 @@ use zerre::rng::Stream;
 use zerre::smooth::PathStep;
 use zerre::{Error, Result, Time};
 
+const PARTICLES: usize = 400;
+
 type Data = Vec<(Time, Option<[f64; 1]>)>;
 
 fn parameters() -> Parameters<3> {
@@ -38,7 +40,7 @@ fn record(length: u32) -> Data {
 fn run(data: &Data, settings: EmSettings, start: [f64; 3], seed: u64) -> Result<EmTrace<3>> {
     let model = |theta: &[f64; 3]| {
         let (prior, motion, sensor) = models(theta)?;
-        ParticleFilter::new(prior, motion, sensor, Settings { particles: 150, ..Settings::default() })
+        ParticleFilter::new(prior, motion, sensor, Settings { particles: PARTICLES, ..Settings::default() })
     };
     // Of the path, and of the measurements with their number.
     let statistics = |step: &PathStep<1>, z: Option<&[f64; 1]>| {
@@ -75,23 +77,30 @@ fn maximum(data: &Data) -> ([f64; 3], [f64; 3]) {
     (best, from_fn(|i| covariance.0[i][i].sqrt()))
 }
 
-/// From far away the averages end within one and a half standard deviations of the maximum likelihood estimate
-/// of the same record: they would be as good an estimate as that even if independent of it (root 2). The
-/// particles add a bias of the order of 1 / 150, which is smaller.
+/// From far away the averages go to the maximum likelihood estimate of the same record. An estimate from its
+/// last 5/8 alone would be sqrt(8/5 - 1) = 0.77 standard deviations off: three times that is allowed. Moments
+/// under weights are off by about the number itself over the effective number of particles, half of all at
+/// least; what that does to the estimate is more by the information of the complete data over that of the
+/// measurements (Louis 1982), 2 to 16 here.
 #[test]
 fn averages_go_to_the_maximum_of_the_likelihood() {
     let data = record(8000);
     let (best, sd) = maximum(&data);
+    let [rho, step, noise] = best;
+    let complete = [((1.0 - rho * rho) / 8000.0).sqrt(), step / 4000f64.sqrt(), noise / 3600f64.sqrt()];
     let settings = EmSettings { average_after: 3000, ..EmSettings::default() };
     for (seed, start) in [(1, [0.1, 3.0, 3.0]), (2, [0.95, 0.2, 0.1])] {
         let found = run(&data, settings, start, seed).unwrap();
-        let off: [f64; 3] = from_fn(|k| (found.average[k] - best[k]) / sd[k]);
-        eprintln!("{off:?} {best:?} {sd:?}");
-        assert!(off.iter().all(|off| off.abs() < 1.5), "{off:?} from {best:?}, {sd:?}");
-        assert_eq!((found.values.len(), found.impossible), (8000, 0));
+        for k in 0..3 {
+            let bias = (sd[k] / complete[k]).powi(2) * 2.0 * best[k] / PARTICLES as f64;
+            let allowed = 3.0 * 0.6f64.sqrt() * sd[k] + bias;
+            let off = (found.average[k] - best[k]).abs();
+            assert!(off < allowed, "{k}: {off} from {}, allowed {allowed}", best[k]);
+            // The start is no such value: it would not pass.
+            assert!((start[k] - best[k]).abs() > 2.0 * allowed);
+        }
+        assert!(found.values.len() == 8000 && found.impossible < 10);
         assert!(found.values[..50].iter().all(|value| *value == start));
-        // The start is far outside of what the record allows.
-        assert!((0..3).any(|k| (start[k] - best[k]).abs() > 10.0 * sd[k]));
     }
 }
 
