@@ -2,14 +2,14 @@
 //!
 //! Command: `cargo run --release -p zerre-examples --bin 06_parameters`
 //!
-//! The same record of 200 measurements under four methods. Columns: the two standard deviations, each with what
-//! is left open about it.
+//! The same record of 200 measurements under four methods. Columns: the two standard deviations, each with
+//! what is left open about it.
 //!
-//! Conclude: the methods agree, and the truth lies within what they leave open. Maximum likelihood is the quickest
-//! and gives a point; the others give a law. Particle marginal Metropolis-Hastings needs no more than a filter;
-//! particle Gibbs needs the density of a step and then few particles; SMC^2 goes along with the measurements, here
-//! with exact filters inside, and also gives the evidence of the model, which is far larger than that of a level that
-//! hardly wanders.
+//! Conclude: the methods agree, and the truth lies within what they leave open. Maximum likelihood is the
+//! quickest and gives a point; the others give a law. Particle marginal Metropolis-Hastings needs no more
+//! than a filter; particle Gibbs needs the density of a step and then few particles; SMC^2 goes along with
+//! the measurements, here with exact filters inside, and also gives the evidence of the model, which is far
+//! larger than that of a level that hardly wanders.
 
 use std::error::Error as StdError;
 use zerre::belief::Gaussian;

@@ -66,9 +66,9 @@ const LEAST_ACCEPTED: f64 = 0.2;
 /// Jacob and Papaspiliopoulos, Journal of the Royal Statistical Society B 75(3), 2013). Values drawn from the
 /// prior are weighted by the evidence that their filters give; once few of them count they are drawn by
 /// weight and moved by particle marginal Metropolis-Hastings with steps of their own covariance, over all
-/// measurements so far. Filters get twice as many particles where moves are rarely accepted (the exchange step
-/// of section 3.6). With a filter that is exact it is iterated batch importance sampling (Chopin, Biometrika
-/// 89, 2002).
+/// measurements so far. Filters get twice as many particles where moves are rarely accepted (the exchange
+/// step of section 3.6). With a filter that is exact it is iterated batch importance sampling (Chopin,
+/// Biometrika 89, 2002).
 ///
 /// The cost of a move grows with the number of measurements, while moves become rarer: all in all it grows
 /// with the square of that number.

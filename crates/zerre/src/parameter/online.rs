@@ -37,8 +37,8 @@ impl Default for EmSettings {
 pub struct EmTrace<const K: usize> {
     /// Values of the parameters after each step.
     pub values: Vec<[f64; K]>,
-    /// Their average after [`EmSettings::average_after`] steps, which scatters less than any of them; the last
-    /// of fewer.
+    /// Their average after [`EmSettings::average_after`] steps, which scatters less than any of them; the
+    /// last of fewer.
     pub average: [f64; K],
     /// Maxima that lay outside the prior: the value before stayed.
     pub impossible: usize,
@@ -46,20 +46,20 @@ pub struct EmTrace<const K: usize> {
 
 /// Maximum likelihood along with a particle filter, each measurement being looked at once (online EM: Cappé,
 /// Journal of Computational and Graphical Statistics 20(3), 2011; with particle smoothing Del Moral, Doucet
-/// and Singh 2010). `statistics` gives the sufficient statistics s of the complete data of one step, a step of
-/// the path and the measurement at its end; `maximise` gives the likeliest parameters under statistics. In
+/// and Singh 2010). `statistics` gives the sufficient statistics s of the complete data of one step, a step
+/// of the path and the measurement at its end; `maximise` gives the likeliest parameters under statistics. In
 /// every step the filter of the current value moves on, the smoothed statistics become S = (1 - g) S + g s
 /// with g = k^-exponent, by [`Paris`], and the value becomes that of S.
 ///
-/// The values go to a maximum of the likelihood of ever more measurements, over some thousand steps, and up to
-/// a bias: that of the smoothed statistics, of the order of one over the number of particles, times the
-/// information that path and measurements would give over that of the measurements alone, which can be ten and
-/// more. The prior only says where values may lie.
+/// The values go to a maximum of the likelihood of ever more measurements, over some thousand steps, and up
+/// to a bias: that of the smoothed statistics, of the order of one over the number of particles, times the
+/// information that path and measurements would give over that of the measurements alone, which can be ten
+/// and more. The prior only says where values may lie.
 ///
 /// # Errors
 /// A start outside the prior, an exponent outside (0.5, 1], a motion without
-/// [`TransitionDensity`](crate::model::TransitionDensity), statistics that are not finite, what the filter and
-/// the closures refuse.
+/// [`TransitionDensity`](crate::model::TransitionDensity), statistics that are not finite, what the filter
+/// and the closures refuse.
 pub fn online_em<A, H, P, Q, Z, const K: usize, const N: usize, const W: usize, const S: usize>(
     parameters: &Parameters<K>,
     start: [f64; K],

@@ -25,8 +25,8 @@ const INSTANTS: [(f64, bool); 6] =
 
 /// Parameters and path drawn from the prior and measurements drawn for them are a draw from the posterior,
 /// whatever the measurements are; what two particles make of it must be one too (Geweke 2004). So numbers
-/// whose law is known under the joint law of everything keep it: of each its mean, over 20 000 draws, within 5
-/// standard errors; there are 23. Three turns double what is wrong in one.
+/// whose law is known under the joint law of everything keep it: of each its mean, over 20 000 draws, within
+/// 5 standard errors; there are 23. Three turns double what is wrong in one.
 #[test]
 fn the_joint_law_stays() {
     const RUNS: u64 = 20_000;

@@ -52,9 +52,9 @@ where
 }
 
 /// Evidence, relative to the truth, and moments over independent runs: their means within five standard
-/// errors of the truth, which come from the spread of the runs (nine degrees of freedom: beyond 5 lies 7e-4 of
-/// Student's law, and there are five comparisons). What evidence and moments of n values lack is of the order of
-/// their variance over n, far below.
+/// errors of the truth, which come from the spread of the runs (nine degrees of freedom: beyond 5 lies 7e-4
+/// of Student's law, and there are five comparisons). What evidence and moments of n values lack is of the
+/// order of their variance over n, far below.
 fn agrees(data: &Data, runs: &[[f64; 5]], most: f64) {
     let truth = quadrature(data, &variances());
     let n = runs.len() as f64;

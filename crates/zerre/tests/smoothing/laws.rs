@@ -1,5 +1,5 @@
-//! The laws of the smoothers: each runs over the whole list, and rejects what is broken on purpose. A law is a
-//! function that says what is wrong.
+//! The laws of the smoothers: each runs over the whole list, and rejects what is broken on purpose. A law is
+//! a function that says what is wrong.
 
 use crate::list::{Entry, Figures, Means, figures, smoothers};
 use crate::{DATA, LAST, Seen, exact, follow, lag_one, motion};
@@ -29,10 +29,10 @@ fn truth(data: &[Seen]) -> Figures {
 }
 
 /// Law 1: means, covariances and covariances over one step are those of the exact smoother: to 1e-9 where it
-/// claims to be exact (numbers up to ten, systems of condition 1e3 at most); otherwise the mean of independent
-/// runs to 6 of its standard errors, and 1e-3 more for the bias, which is of the order of the variances, about
-/// 1, over the number of particles, here 2.5e-3, on the average less. Standard errors are small. Beyond 6
-/// of 39 degrees of freedom lies 5e-7 of Student's law, and there are some 4 000 comparisons.
+/// claims to be exact (numbers up to ten, systems of condition 1e3 at most); otherwise the mean of
+/// independent runs to 6 of its standard errors, and 1e-3 more for the bias, which is of the order of the
+/// variances, about 1, over the number of particles, here 2.5e-3, on the average less. Standard errors are
+/// small. Beyond 6 of 39 degrees of freedom lies 5e-7 of Student's law, and there are some 4 000 comparisons.
 fn smooths(entry: &Entry, data: &[Seen]) -> Verdict {
     let expected = truth(data);
     let runs = if entry.is_exact { 1 } else { RUNS };
@@ -103,8 +103,8 @@ fn bits(entry: &Entry, data: &[Seen], means: &Means) -> Vec<u64> {
     figures.into_iter().map(f64::to_bits).collect()
 }
 
-/// Law 2: the bits do not depend on threads and lanes; they do on the seed, unless it is exact. Eight blocks of
-/// particles are shared.
+/// Law 2: the bits do not depend on threads and lanes; they do on the seed, unless it is exact. Eight blocks
+/// of particles are shared.
 #[test]
 fn threads_and_lanes_do_not_count() {
     let means = Means { particles: 3600, paths: 30, ..Means::default() };
@@ -139,8 +139,8 @@ fn bad_measurements_leave_nothing_behind() {
     }));
 }
 
-/// The window of a fixed lag runs along with the filter: with no lag it is the filter, with three it knows the
-/// three measurements that came after.
+/// The window of a fixed lag runs along with the filter: with no lag it is the filter, with three it knows
+/// the three measurements that came after.
 #[test]
 fn fixed_lags_are_the_smoothers_of_what_is_known_then() {
     for (lag, at) in [(0, 7), (3, 7)] {
