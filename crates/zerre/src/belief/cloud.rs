@@ -33,12 +33,26 @@ pub struct Cloud<const N: usize> {
     /// Survivors of the last resampling that are not gathered yet, in what may be another number.
     pub(crate) ancestors: Vec<u32>,
     pub(crate) pending: bool,
+    pub(crate) lineage: Lineage,
     /// The other half of two buffers, and the memory that steps use again and again.
     pub(crate) spare: [Vec<f64>; N],
     pub(crate) scores: Vec<f64>,
     /// What a step needs that may have to be taken back; empty until there is one.
     pub(crate) kept: Vec<f64>,
     pub(crate) scratch: Scratch,
+}
+
+/// Whom the particles of a cloud come from, among those of the cloud before the step as far as they had
+/// survived.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Lineage {
+    /// Each from the one of its own number.
+    #[default]
+    Numbers,
+    /// Each from the one that `ancestors` names: nothing is pending.
+    Ancestors,
+    /// From nobody alone.
+    Lost,
 }
 
 /// Most particles that a cloud holds: indices and random counters are 32 bits wide.
@@ -71,6 +85,7 @@ impl<const N: usize> Cloud<N> {
             blocks: uniform_blocks(&states),
             ancestors: vec![0; n],
             pending: false,
+            lineage: Lineage::default(),
             spare: std::array::from_fn(|_| vec![0.0; n]),
             scores: vec![0.0; n],
             kept: Vec::new(),

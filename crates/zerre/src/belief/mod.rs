@@ -1,6 +1,7 @@
 //! What is known of a state: values that are copied, saved, compared and replayed.
 
 mod cloud;
+mod fork;
 mod gaussian;
 mod grid;
 mod hypotheses;
@@ -10,7 +11,10 @@ mod moved;
 mod paced;
 
 pub use cloud::{Cloud, MAX_PARTICLES};
-pub(crate) use cloud::{SavedCloud, checked_number, level_checked, load_log, quantiles_of, save_log};
+pub(crate) use cloud::{
+    Lineage, SavedCloud, checked_number, level_checked, load_log, quantiles_of, save_log,
+};
+pub use fork::Fork;
 pub use gaussian::{Ellipse, Gaussian, GaussianBelief};
 pub use grid::GridBelief;
 pub(crate) use grid::{Lattice, Workspace};

@@ -1,6 +1,6 @@
 //! The first stage of the auxiliary particle filter.
 
-use crate::belief::Cloud;
+use crate::belief::{Cloud, Lineage};
 use crate::filter::particle::ParticleFilter;
 use crate::filter::rejuvenation::gather;
 use crate::filter::settings::{Prior, Settings};
@@ -105,7 +105,7 @@ where
         }
         std::mem::swap(&mut cloud.kept, &mut cloud.log_weights);
         std::mem::swap(&mut cloud.log_weights, &mut cloud.scores);
-        cloud.equal = false;
+        (cloud.equal, cloud.lineage) = (false, Lineage::Ancestors);
         cloud.log_sum -= total.log_sum() - before;
         (Some(distinct_ancestors), evaluations)
     }

@@ -1,7 +1,7 @@
 //! The particle filter: sequential importance sampling with resampling (Gordon, Salmond and Smith, IEE Proceedings F
 //! 140, 1993), with any [`proposal`](crate::proposal).
 
-use crate::belief::{Cloud, Gaussian};
+use crate::belief::{Cloud, Gaussian, Lineage};
 use crate::error::{Error, Result};
 use crate::filter::settings::{Prior, Settings};
 use crate::filter::size::{Goal, Size};
@@ -306,6 +306,7 @@ where
             rejuvenation.apply(simd, cloud);
         }
         cloud.step += 1;
+        cloud.lineage = Lineage::Numbers;
         let before = (cloud.pending, cloud.equal, cloud.log_sum);
         let (ahead, expectations) = match (lookahead, &moved, &digest) {
             (Some(exponent), Some(step), Some(digest)) => {

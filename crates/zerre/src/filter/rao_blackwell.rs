@@ -284,9 +284,14 @@ where
     if modes == 0 {
         let ess = 1.0 / spare.iter().map(|h| h.weight * h.weight).sum::<f64>();
         let evaluations = if z.is_some() { spare.len() } else { 0 };
-        let distinct_ancestors = kept.len();
-        update.particles =
-            Some(ParticleUpdate { ess, resampled, distinct_ancestors, not_finite: 0, evaluations });
+        update.particles = Some(ParticleUpdate {
+            ess,
+            resampled,
+            distinct_ancestors: kept.len(),
+            not_finite: 0,
+            particles: spare.len(),
+            evaluations,
+        });
     }
     *step += 1;
     std::mem::swap(all, spare);

@@ -1,6 +1,6 @@
 //! Resampling followed by moves: copies of a particle part again, and the law stays what it is.
 
-use crate::belief::{Gaussian, MovedCloud};
+use crate::belief::{Gaussian, Lineage, MovedCloud};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, ParticleFilter, Prior, Rejuvenation, Settings, Size, Update};
 use crate::model::{Likelihood, Motion, TransitionDensity};
@@ -88,6 +88,7 @@ where
             let law = PathLaw::<A, H, N, W> { density, digest, parents, simd };
             *moved = self.moves.run(cloud, densities, frozen, &law, (threads, spread));
             cloud.equalise();
+            cloud.lineage = Lineage::Ancestors;
             if let Some(particles) = &mut update.particles {
                 particles.evaluations += moved.evaluations;
             }

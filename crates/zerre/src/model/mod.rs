@@ -11,6 +11,7 @@ mod likelihood;
 pub mod measurement;
 pub mod motion;
 pub mod simulate;
+pub(crate) mod state_space;
 mod transition;
 
 use crate::error::Result;
@@ -21,6 +22,7 @@ pub use jump::{Chain, JumpMarkov};
 pub(crate) use latent::sampled;
 pub use latent::{Label, Latent, NoiseScale};
 pub use likelihood::Likelihood;
+pub use state_space::StateSpace;
 pub use transition::TransitionDensity;
 
 /// How the state moves: x_k = f(x_{k-1}, w_k), with `N` state components and `W` noise components.
