@@ -94,7 +94,7 @@ pub const CONTENDERS: &[ContenderInfo] = &[
     ),
     info(
         "ukf-guided",
-        "particles move by sigma points; counted with one pass",
+        "particles move by sigma points, iterated where they are far off; the budget reckons with one pass",
         "van der Merwe, Doucet, de Freitas and Wan 2000",
         Cost::PerParticle(|w| 2 * w + 2),
     ),
@@ -313,13 +313,17 @@ pub fn evaluations(contender: &Contender, (state, noise): (usize, usize)) -> usi
     }
 }
 
-/// Evaluations a step that `runs` of the filter called `name` took: `planned`, unless runs count them.
+/// Evaluations a step that `runs` of the filter called `name` took: `planned`, or what they counted where that is
+/// more (sigma points that were drawn anew) or the only thing known.
 pub fn evaluations_of<'a>(name: &str, planned: usize, runs: impl ExactSizeIterator<Item = &'a Run>) -> usize {
-    match (ContenderInfo::named(name).map(|info| info.cost), runs.len()) {
-        (Some(Cost::Counted), count @ 1..) => {
-            (runs.map(|run| run.evaluations).sum::<f64>() / count as f64).round() as usize
-        }
-        _ => planned,
+    let count = runs.len();
+    if count == 0 {
+        return planned;
+    }
+    let counted = (runs.map(|run| run.evaluations).sum::<f64>() / count as f64).round() as usize;
+    match ContenderInfo::named(name).map(|info| info.cost) {
+        Some(Cost::Counted) => counted,
+        _ => counted.max(planned),
     }
 }
 
