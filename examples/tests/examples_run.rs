@@ -65,3 +65,20 @@ fn reading_csv_shows_the_offset_and_gains_the_velocity() {
         assert!(offset > 0.5 * plots && filter < 1.05 * plots && velocity < 0.5 * differences, "{text}");
     }
 }
+
+#[test]
+fn parameters_are_found_by_every_method() {
+    let text = output_of(env!("CARGO_BIN_EXE_06_parameters"));
+    for method in ["particles", "particle Gibbs", "SMC^2"] {
+        let line = text.lines().find(|line| line.contains(method)).unwrap();
+        let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let [.., step, step_sd, noise, noise_sd] = numbers[..] else { panic!("{text}") };
+        // Three standard deviations; the record is the same for all.
+        assert!((step - 0.5).abs() < 3.0 * step_sd && step_sd < 0.2, "{text}");
+        assert!((noise - 1.0).abs() < 3.0 * noise_sd && noise_sd < 0.2, "{text}");
+    }
+    assert!(
+        number(&text, "evidence", "of the walk") > number(&text, "evidence", "hardly wanders") + 10.0,
+        "{text}"
+    );
+}

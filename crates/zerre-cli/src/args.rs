@@ -127,7 +127,9 @@ pub enum Command {
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {
-        /// A tenth of a second per workload instead of two seconds: coarse figures
+        /// These workloads only, as `W1` or `deadline` (100 s, left out unless it is named)
+        workloads: Vec<String>,
+        /// A tenth of a second per workload instead of two seconds (20 of `deadline`): coarse figures
         #[arg(long)]
         quick: bool,
     },
@@ -314,6 +316,7 @@ const BENCH: &str = "\
 Examples:
   zerre bench
   zerre bench --quick
+  zerre bench deadline                  how many steps of a millisecond keep their time
   zerre bench --threads 1 --json > bench.json
 
 Times are nanoseconds per particle and step; a quiet machine gives steady ones.";
@@ -366,6 +369,7 @@ mod tests {
             "reproduce",
             "reproduce multiple-model --table 6.1 --table 6.13 --runs 5 --particles 50,60 --quick --resume",
             "bench --json --threads 2 --simd avx512",
+            "bench W1 deadline --quick",
             "catalog filters --json --quiet",
             "study f.toml --runs 5 --resume",
             "schema scenario",

@@ -51,6 +51,7 @@ fn wrong_usage_ends_with_two_and_a_way_out() {
         ("init fuse", "there is no kind of configuration `fuse`"),
         ("catalog --resume", "--resume"),
         ("track a.csv --seed -1", "'-1' for '--seed <N>': a whole number from 0 to 18446744073709551615"),
+        ("bench W9", "there is no workload `W9`"),
         ("bench --threads 0", "'0' for '--threads <N>': a whole number of at least 1"),
         ("bench --threads -3", "'-3' for '--threads <N>': a whole number of at least 1"),
         ("simulate turn --runs -5", "'-5' for '--runs <N>': a whole number of at least 1"),

@@ -8,7 +8,7 @@ use zerre::filter::{Filter, Linear, ParticleFilter, Settings, SigmaPoints, Tange
 use zerre::kernels::{NoiseSource, Resolution, Simd};
 use zerre::math::Real;
 use zerre::model::measurement::{HeavyTailed, Position, RangeBearing, UpfGrowth as UpfSensor};
-use zerre::model::motion::{ConstantVelocity, Growth, UpfGrowth};
+use zerre::model::motion::{ConstantVelocity, Growth, RandomWalk, UpfGrowth};
 use zerre::model::{GaussianMeasurement, Likelihood, Measurement, Motion, simulate};
 use zerre::proposal::{Guided, Proposal};
 use zerre::resample::Trigger;
@@ -123,7 +123,8 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
     fn covariance(&self) -> [[f64; M]; M] {
         self.0.covariance()
     }
-    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
+    #[inline(always)]
+    fn covariance_scale<R: Real>(&self, mahalanobis_squared: R) -> R {
         self.0.covariance_scale(mahalanobis_squared)
     }
 }
@@ -191,6 +192,78 @@ fn weights_average_to_one() {
     identity(growth(), &[3.5], mean, points.with_defensive(0.5).unwrap()).unwrap();
     // Another mean is found out: the states do follow the motion, not the proposal.
     assert!(identity(growth(), &[3.5], mean + 0.1, points).unwrap_err().contains("is not 0"));
+}
+
+/// Under Student noise of 3 degrees of freedom, of a walk of a second with the state known before: the share
+/// of the particles that is effective, 1 / E_q[(p l / q)^2] in units of E_q[p l / q]^2, for a proposal N(S z
+/// / (S + s), S s / (S + s)) with a share of a tenth of N(0, S). S is the variance of the walk, that of the
+/// sensor is 1. By the midpoint rule over ten standard deviations, exact to all digits that count for
+/// functions so smooth.
+fn effective(walk: f64, z: f64, s: f64) -> f64 {
+    let normal = |d: f64, v: f64| (-0.5 * d * d / v).exp() / (std::f64::consts::TAU * v).sqrt();
+    let (n, reach) = (8000, 20.0 * walk.sqrt());
+    let (mut mean, mut square) = (0.0, 0.0);
+    for i in 0..n {
+        let x = ((f64::from(i) + 0.5) / f64::from(n) - 0.5) * reach;
+        let target = normal(x, walk) * (1.0 + (z - x) * (z - x) / 3.0).powi(-2);
+        let q = 0.1 * normal(x, walk) + 0.9 * normal(x - walk * z / (walk + s), walk * s / (walk + s));
+        mean += target;
+        square += target * target / q;
+    }
+    mean * mean / square * reach / f64::from(n)
+}
+
+/// The scale that the distance of a measurement speaks for, in closed form for one dimension: four turns.
+fn scale(walk: f64, z: f64) -> f64 {
+    (0..3).fold((z * z + walk + 3.0) / 4.0, |s, _| {
+        let (rest, spread) = (s * z / (walk + s), s * walk / (walk + s));
+        (rest * rest + spread + 3.0) / 4.0
+    })
+}
+
+/// Guided under Student noise, particles are as effective as the scale of their distance makes them; with R
+/// as it is, or times nu / (nu - 2), they would be less so, most of all where they face an outlier.
+#[test]
+fn an_outlier_does_not_guide() {
+    let share = |walk: f64, z: f64, points: bool| {
+        let prior = Gaussian::independent([0.0], [1e-9]).unwrap();
+        let motion = RandomWalk::<1>::new(walk).unwrap();
+        let sensor = HeavyTailed::<_, 1>::student_t(Position::<1>::new(1.0).unwrap(), 3.0).unwrap();
+        let settings = with_noise(40_000, Resolution::Bits64);
+        let step = |cloud: &mut Cloud<1>, update: Result<zerre::filter::Update>| {
+            let ess = update.unwrap().particles.unwrap().ess;
+            // Relative standard error of the mean of squared weights, which is that of the share.
+            let squares: Vec<f64> = cloud.weights().map(|w| (w * 40_000.0).powi(2)).collect();
+            let mean = squares.iter().sum::<f64>() / 40_000.0;
+            let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / 40_000.0;
+            (ess / 40_000.0, (variance / 40_000.0).sqrt() / mean)
+        };
+        if points {
+            let points = Guided::<SigmaPoints, 1>::new(SigmaPoints::default());
+            let filter = ParticleFilter::guided(prior, motion, sensor, points, settings).unwrap();
+            let mut cloud = filter.start(Time::ZERO, Stream::new(2)).unwrap();
+            let update = filter.step(&mut cloud, secs(1.0), Some(&[z]));
+            return step(&mut cloud, update);
+        }
+        let tangent = Guided::<Tangent, 1>::new(Tangent);
+        let filter = ParticleFilter::guided(prior, motion, sensor, tangent, settings).unwrap();
+        let mut cloud = filter.start(Time::ZERO, Stream::new(2)).unwrap();
+        let update = filter.step(&mut cloud, secs(1.0), Some(&[z]));
+        step(&mut cloud, update)
+    };
+    // What fits by R and by 3 R reach of it, at most.
+    for (walk, z, others) in
+        [(1.0, 0.0, [1.0, 0.95]), (1.0, 8.0, [0.1, 0.35]), (1.0, 30.0, [0.1, 0.1]), (10.0, 3.0, [1.0, 0.86])]
+    {
+        let expected = effective(walk, z, scale(walk, z));
+        for points in [false, true] {
+            let (found, error) = share(walk, z, points);
+            assert!((found / expected - 1.0).abs() < 5.0 * error, "{walk} {z}: {found}, not {expected}");
+        }
+        for (s, most) in [1.0, 3.0].into_iter().zip(others) {
+            assert!(effective(walk, z, s) < most * expected, "{walk} {z} {s}: {expected}");
+        }
+    }
 }
 
 /// Bits of a run of the UPF benchmark.

@@ -8,7 +8,7 @@ use crate::run;
 use serde::Serialize;
 use std::fmt::Write;
 use std::time::Duration;
-use zerre_lab::bench::{self, Options, Peer, Row};
+use zerre_lab::bench::{self, Kept, Options, Peer, Row};
 
 #[derive(Serialize)]
 struct Machine {
@@ -26,16 +26,26 @@ struct Document<'a> {
     peers: Vec<Peer>,
 }
 
-pub(super) fn run(global: &Global, quick: bool, console: &Console) -> Result<Exit, Diagnostic> {
+pub(super) fn run(
+    global: &Global,
+    names: &[String],
+    quick: bool,
+    console: &Console,
+) -> Result<Exit, Diagnostic> {
+    let known = bench::workloads();
+    if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
+        return Err(super::unknown("workload", name, &known));
+    }
     let simd = super::simd(global)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = super::threads(global);
     let budget = Duration::from_secs_f64(if quick { 0.1 } else { 2.0 });
-    let options = Options { simd, threads, budget };
+    let deadline_steps = if quick { 20_000 } else { 100_000 };
+    let options = Options { simd, threads, budget, deadline_steps };
     run::listen()?;
     let machine = Machine { cpu: cpu_name(), simd: simd.name(), cores };
     console.info(format_args!("{}, {} core(s), {}", machine.cpu, machine.cores, machine.simd));
-    let rows = bench::run(&options, |row| {
+    let rows = bench::run(&options, names, |row| {
         if console.watched() {
             console.info(format_args!(
                 "  {:16} {:>9} {:8.2} ns",
@@ -83,6 +93,17 @@ fn table(rows: &[Row], scaling: Option<f64>, peers: &[Peer]) -> String {
         );
         if let (Some(cpu), Some(wall)) = (row.cpu_seconds, row.wall_seconds) {
             let _ = writeln!(text, "{:16} {cpu:.3} s of processor time, {wall:.3} s", "");
+        }
+        if let Some(Kept { budget_ms, share, particles: [few, _, many], milliseconds }) = &row.deadline {
+            let [median, rare, longest] = milliseconds;
+            let _ = writeln!(
+                text,
+                "{:16} {:.3} % of {} steps within {budget_ms} ms (median {median:.3}, 99.9 % {rare:.3}, longest \
+                 {longest:.3}); {few} to {many} particles",
+                "",
+                100.0 * share,
+                row.repetitions,
+            );
         }
     }
     if let Some(scaling) = scaling {

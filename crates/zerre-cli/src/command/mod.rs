@@ -34,7 +34,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Compare(of) => compare::run(of, &args.global, console),
         Command::Reproduce(of) => reproduce::run(of, &args.global, console),
         Command::Study(of) => study::run(of, &args.global, console),
-        Command::Bench { quick } => bench::run(&args.global, *quick, console),
+        Command::Bench { workloads, quick } => bench::run(&args.global, workloads, *quick, console),
     }
 }
 

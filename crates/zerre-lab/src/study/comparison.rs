@@ -1,6 +1,6 @@
 //! Filters compared in worlds: a grid of cells, each a chunk of the runs of one filter in one world.
 
-use super::contender::{Contender, Fate, Run, Scores, contend, dimensions, evaluations};
+use super::contender::{Contender, Fate, Run, Scores, contend, dimensions, evaluations, evaluations_of};
 use super::experiment::{Experiment, Finished, Mishap};
 use super::front::front;
 use super::interval::{Estimate, holm, mean_interval, median, paired};
@@ -132,10 +132,12 @@ impl Comparison {
                 let losses: Vec<f64> = runs.iter().filter_map(|run| loss(run)).collect();
                 let times: Vec<f64> = runs.iter().map(|run| run.microseconds).collect();
                 let all: Vec<usize> = (0..times.len()).collect();
+                let planned = dimensions(&self.places[place]).map_or(0, |d| evaluations(&of.contender, d));
+                let filter = of.contender.filter;
                 Measured {
                     entry,
                     refusal: fates().find_map(Fate::refusal),
-                    evaluations: dimensions(&self.places[place]).map_or(0, |d| evaluations(&of.contender, d)),
+                    evaluations: evaluations_of(filter, planned, runs.iter().copied()),
                     loss: mean_interval(&losses),
                     microseconds: median(&times, &all),
                     p_holm: None,

@@ -6,11 +6,11 @@ use super::world::{Place, Problem, Record, Visit, label, with_problem};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use zerre::filter::{
-    Ensemble, EnsembleSettings, Extended, Filter, GaussianSum, Grid, Kalman, Kernel, Linear, McmcSettings,
-    Outcome as StepOutcome, ParticleFilter, Rejuvenation, ResampleMove, SequentialMcmc, Settings,
-    SigmaPoints, SumSettings, Tangent, Unscented, Update,
+    Boxes, Ensemble, EnsembleSettings, Extended, Filter, GaussianSum, Grid, Kalman, Kernel, Kld, Linear,
+    McmcSettings, Outcome as StepOutcome, ParticleFilter, RaoBlackwell, Rejuvenation, ResampleMove,
+    SequentialMcmc, Settings, SigmaPoints, Size, SumSettings, Tangent, Unscented, Update,
 };
-use zerre::model::{GaussianMeasurement, Measurement, Motion};
+use zerre::model::{GaussianMeasurement, Measurement, Motion, NoiseScale};
 use zerre::moves::Move;
 use zerre::proposal::Guided;
 use zerre::resample::{Resampling, Trigger};
@@ -37,6 +37,8 @@ pub enum Cost {
     Fixed(fn(usize) -> usize),
     /// For each particle (member, node, part), of the dimension of the noise.
     PerParticle(fn(usize) -> usize),
+    /// One for each particle, whose number varies up to the given one: runs count them.
+    Counted,
 }
 
 const fn info(name: &'static str, about: &'static str, source: &'static str, cost: Cost) -> ContenderInfo {
@@ -92,7 +94,7 @@ pub const CONTENDERS: &[ContenderInfo] = &[
     ),
     info(
         "ukf-guided",
-        "particles move by sigma points; counted with one pass",
+        "particles move by sigma points, iterated where they are far off; the budget reckons with one pass",
         "van der Merwe, Doucet, de Freitas and Wan 2000",
         Cost::PerParticle(|w| 2 * w + 2),
     ),
@@ -113,6 +115,12 @@ pub const CONTENDERS: &[ContenderInfo] = &[
         "survivors are drawn from a kernel density, shrunk",
         "Musso, Oudjane and Le Gland 2001",
         Cost::PerParticle(|_| 1),
+    ),
+    info(
+        "kld",
+        "as many particles as the posterior's shape needs, up to the given number; counted as it runs",
+        "Fox 2003",
+        Cost::Counted,
     ),
     info(
         "resample-move",
@@ -138,7 +146,16 @@ pub const CONTENDERS: &[ContenderInfo] = &[
         "Septier, Pang, Carmi and Godsill 2009",
         Cost::PerParticle(|w| 3 + 2 * w),
     ),
+    info(
+        "rao-blackwell",
+        "Kalman filters given drawn scales of heavy-tailed noise, four draws for each; counted with tangents",
+        "Schön, Gustafsson and Nordlund 2005",
+        Cost::PerParticle(|w| 1 + SCALES * (w + 1)),
+    ),
 ];
+
+/// Draws of the scale of the noise from each hypothesis.
+const SCALES: usize = 4;
 
 /// A filter with its budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,7 +178,7 @@ impl ContenderInfo {
 
     /// Whether it has particles, or anything else whose number can be chosen.
     pub fn is_sampled(&self) -> bool {
-        matches!(self.cost, Cost::PerParticle(_))
+        !matches!(self.cost, Cost::Fixed(_))
     }
 
     /// As many particles as `evaluations` a step buy where the noise has `noise` components, at least one; 0
@@ -170,6 +187,7 @@ impl ContenderInfo {
         match self.cost {
             Cost::Fixed(_) => 0,
             Cost::PerParticle(cost) => (evaluations / cost(noise)).max(1),
+            Cost::Counted => evaluations.max(1),
         }
     }
 
@@ -221,6 +239,9 @@ pub struct Run {
     pub sd: Option<f64>,
     /// Sum of the logarithms of the evidence; absent where a step had none.
     pub log_evidence: Option<f64>,
+    /// Mean number of likelihood evaluations a step, as the filter counted; 0 without particles.
+    #[serde(default)]
+    pub evaluations: f64,
     /// Least effective sample size; absent without particles.
     pub ess_min: Option<f64>,
     /// Steps whose measurement had no likelihood anywhere.
@@ -282,12 +303,27 @@ pub fn dimensions(place: &Place) -> Result<(usize, usize)> {
     with_problem(place, Dimensions)
 }
 
-/// Evaluations a step of `contender` in a world of these dimensions.
+/// Evaluations a step of `contender` in a world of these dimensions; the most where runs count them.
 pub fn evaluations(contender: &Contender, (state, noise): (usize, usize)) -> usize {
     match ContenderInfo::named(contender.filter).map(|info| info.cost) {
         Some(Cost::Fixed(cost)) => cost(state),
         Some(Cost::PerParticle(cost)) => contender.particles * cost(noise),
+        Some(Cost::Counted) => contender.particles,
         None => 0,
+    }
+}
+
+/// Evaluations a step that `runs` of the filter called `name` took: `planned`, or what they counted where that is
+/// more (sigma points that were drawn anew) or the only thing known.
+pub fn evaluations_of<'a>(name: &str, planned: usize, runs: impl ExactSizeIterator<Item = &'a Run>) -> usize {
+    let count = runs.len();
+    if count == 0 {
+        return planned;
+    }
+    let counted = (runs.map(|run| run.evaluations).sum::<f64>() / count as f64).round() as usize;
+    match ContenderInfo::named(name).map(|info| info.cost) {
+        Some(Cost::Counted) => counted,
+        _ => counted.max(planned),
     }
 }
 
@@ -406,6 +442,14 @@ where
             let settings = Settings { rejuvenation, ..settings };
             follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
         }
+        "kld" => {
+            // In boxes of half a standard deviation a normal law of one component asks for some 650. A quarter
+            // at least: a few particles with all the weight look like a narrow posterior.
+            let most = settings.particles;
+            let kld = Kld::new(0.02, 0.99, Boxes::Deviations(0.5), most.div_ceil(4), most)?;
+            let settings = Settings { size: Size::Kld(kld), ..settings };
+            follow.through(&ParticleFilter::new(prior, motion, sensor, settings)?, scores)
+        }
         "resample-move" | "stretch-move" => {
             let kernel = if contender.filter == "stretch-move" { Move::Stretch } else { Move::default() };
             let inside = ParticleFilter::new(prior, motion, sensor, settings)?;
@@ -416,6 +460,10 @@ where
             let particles = settings.particles;
             let settings = McmcSettings { particles, kernel, ..McmcSettings::default() };
             follow.through(&SequentialMcmc::new(prior, motion, sensor, settings)?, scores)
+        }
+        "rao-blackwell" => {
+            let scales = NoiseScale::new(motion, SCALES)?;
+            follow.through(&RaoBlackwell::new(Linear, scales, sensor, prior, settings.particles)?, scores)
         }
         other => Err(Error::Unsupported(format!("there is no filter `{other}` here"))),
     }
@@ -448,7 +496,7 @@ impl<const N: usize, const M: usize> Follow<'_, N, M> {
         let mut run = Run::default();
         let mut law = Marginal::default();
         let mut last = *self.prior;
-        let (mut evidence, mut ess, mut at) = (0.0, f64::INFINITY, 0);
+        let (mut evidence, mut ess, mut evaluations, mut at) = (0.0, f64::INFINITY, 0, 0);
         let see = |belief: &F::Belief, update: &Update| {
             let truth = &record.truth[at];
             let mut step = Step { error: 0.0, crps: 0.0, inside: 0, variance: 0.0 };
@@ -472,7 +520,10 @@ impl<const N: usize, const M: usize> Follow<'_, N, M> {
             if update.outcome != StepOutcome::Predicted {
                 evidence += update.log_evidence;
             }
-            ess = update.particles.map_or(ess, |particles| ess.min(particles.ess));
+            if let Some(particles) = update.particles {
+                ess = ess.min(particles.ess);
+                evaluations += particles.evaluations;
+            }
             Ok(Some(step))
         };
         let seen = record.times.iter().copied().zip(&record.measured);
@@ -481,6 +532,7 @@ impl<const N: usize, const M: usize> Follow<'_, N, M> {
             return Err(Error::Unsupported(reason.clone()));
         }
         let mut steps = driven.seen;
+        run.evaluations = evaluations as f64 / steps.len().max(1) as f64;
         run.lost = record.truth.len() - steps.len();
         // A filter that is lost keeps its last estimate, and says no more how sure it is.
         for truth in &record.truth[steps.len()..] {
@@ -535,6 +587,10 @@ mod tests {
         }
         assert!(matches!(go("ungm", "kalman", 0, 0..1), Fate::DoesNotApply(_)));
         assert!(matches!(go("upf", "kalman", 0, 0..1), Fate::DoesNotApply(_)));
+        for world in WORLDS {
+            let applies = matches!(go(world.name, "rao-blackwell", 10, 0..1), Fate::Ran(_));
+            assert_eq!(applies, world.name == "outliers", "{}", world.name);
+        }
     }
 
     /// Particle estimates approach the exact ones: of 2 000 particles the mean error of a component is about
@@ -547,6 +603,19 @@ mod tests {
             assert!((a.rmse - b.rmse).abs() < 0.1 * a.rmse, "{a:?} {b:?}");
             assert!((a.sd.unwrap() - b.sd.unwrap()).abs() < 0.1 * a.sd.unwrap(), "{a:?} {b:?}");
             assert!((a.log_evidence.unwrap() - b.log_evidence.unwrap()).abs() < 1.0, "{a:?} {b:?}");
+        }
+    }
+
+    /// Given the scales of its noise the world with outliers is Kalman's: a few hypotheses come to the grid's
+    /// error within the hundredth that ESS of some hundred leave (1 / ESS in squares), and to its evidence.
+    #[test]
+    fn with_the_noise_taken_apart_outliers_are_met() {
+        let (exact, found) = (go("outliers", "grid", 500, 0..4), go("outliers", "rao-blackwell", 400, 0..4));
+        assert_eq!((exact.runs().len(), found.runs().len()), (4, 4));
+        for (a, b) in exact.runs().iter().zip(found.runs()) {
+            assert!((a.rmse - b.rmse).abs() < 0.03 * a.rmse, "{a:?} {b:?}");
+            assert!((a.log_evidence.unwrap() - b.log_evidence.unwrap()).abs() < 0.3, "{a:?} {b:?}");
+            assert!(b.ess_min.unwrap() > 50.0, "{b:?}");
         }
     }
 
@@ -568,5 +637,22 @@ mod tests {
         assert_eq!(info("ekf").particles(820, 1), 0);
         assert_eq!(evaluations(&info("ukf").with(7), (4, 4)), 9);
         assert_eq!(evaluations(&info("sis").with(7), (4, 4)), 7);
+    }
+
+    /// The filter whose particles vary costs what it counted, and no more than the most; a particle filter
+    /// that does not counts what it was planned to cost.
+    #[test]
+    fn numbers_that_vary_are_counted() {
+        let of = |name: &str, planned| {
+            let fate = go("ungm", name, planned, 0..4);
+            evaluations_of(name, planned, fate.runs().iter())
+        };
+        for most in [20, 1000] {
+            let counted = of("kld", most);
+            assert!(counted > most / 4 && counted < most, "{counted} of {most}");
+        }
+        let fixed = go("ungm", "bootstrap", 50, 0..2);
+        assert!(fixed.runs().iter().all(|run| run.evaluations == 50.0));
+        assert_eq!(evaluations_of("kld", 7, [].iter()), 7);
     }
 }

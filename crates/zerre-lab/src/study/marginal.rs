@@ -3,6 +3,7 @@
 use crate::distribution::normal_cdf;
 use crate::metric::{crps_mixture, crps_sorted};
 use zerre::belief::{Cloud, GaussianBelief, GridBelief, Hypotheses, MovedCloud};
+use zerre::model::Label;
 
 /// The law of one component. Built again and again in the same memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -170,7 +171,7 @@ impl<const N: usize> Marginals for GaussianBelief<N> {
     }
 }
 
-impl<const N: usize> Marginals for Hypotheses<N> {
+impl<const N: usize, L: Label> Marginals for Hypotheses<N, L> {
     fn marginal(&self, k: usize, out: &mut Marginal) {
         let mut parts = out.take_mixture();
         parts.extend(self.iter().map(|h| (h.weight, h.law.mean()[k], h.law.covariance().0[k][k].sqrt())));

@@ -30,15 +30,29 @@ pub struct Cloud<const N: usize> {
     /// Weights of the last update, each block relative to its own maximum; empty until the first update.
     pub(crate) weights: Vec<f64>,
     pub(crate) blocks: Vec<BlockSums<N>>,
-    /// Survivors of the last resampling that are not gathered yet.
+    /// Survivors of the last resampling that are not gathered yet, in what may be another number.
     pub(crate) ancestors: Vec<u32>,
     pub(crate) pending: bool,
+    pub(crate) lineage: Lineage,
     /// The other half of two buffers, and the memory that steps use again and again.
     pub(crate) spare: [Vec<f64>; N],
     pub(crate) scores: Vec<f64>,
     /// What a step needs that may have to be taken back; empty until there is one.
     pub(crate) kept: Vec<f64>,
     pub(crate) scratch: Scratch,
+}
+
+/// Whom the particles of a cloud come from, among those of the cloud before the step as far as they had
+/// survived.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Lineage {
+    /// Each from the one of its own number.
+    #[default]
+    Numbers,
+    /// Each from the one that `ancestors` names: nothing is pending.
+    Ancestors,
+    /// From nobody alone.
+    Lost,
 }
 
 /// Most particles that a cloud holds: indices and random counters are 32 bits wide.
@@ -51,13 +65,7 @@ impl<const N: usize> Cloud<N> {
     /// Columns of different lengths, none or too many particles, a number that is not finite.
     pub fn from_columns(at: Time, stream: Stream, states: [Vec<f64>; N]) -> Result<Self> {
         let n = states.first().map_or(0, Vec::len);
-        if n == 0 || n > MAX_PARTICLES {
-            return Err(Error::OutOfRange {
-                what: "number of particles",
-                value: n as f64,
-                needs: "it must lie between 1 and 2^26",
-            });
-        }
+        checked_number(n)?;
         for column in &states {
             if column.len() != n {
                 return Err(Error::Shape { what: "particles in a column", found: column.len(), expected: n });
@@ -77,6 +85,7 @@ impl<const N: usize> Cloud<N> {
             blocks: uniform_blocks(&states),
             ancestors: vec![0; n],
             pending: false,
+            lineage: Lineage::default(),
             spare: std::array::from_fn(|_| vec![0.0; n]),
             scores: vec![0.0; n],
             kept: Vec::new(),
@@ -200,6 +209,29 @@ impl<const N: usize> Cloud<N> {
         (self.equal, self.pending, self.log_sum) = (true, false, Real::ln(n as f64));
     }
 
+    /// How many particles the next step has.
+    pub(crate) fn coming(&self) -> usize {
+        if self.pending { self.ancestors.len() } else { self.len() }
+    }
+
+    /// Room for `most` particles.
+    pub(crate) fn reserve(&mut self, most: usize) {
+        let room = |list: &mut Vec<f64>| list.reserve_exact(most.saturating_sub(list.len()));
+        self.states.iter_mut().chain(&mut self.spare).for_each(room);
+        [&mut self.log_weights, &mut self.weights, &mut self.scores].into_iter().for_each(room);
+        self.blocks.reserve_exact(most.div_ceil(BLOCK).saturating_sub(self.blocks.len()));
+        self.ancestors.reserve_exact(most.saturating_sub(self.ancestors.len()));
+    }
+
+    /// Gives all that a step writes `n` places. What the new ones hold has no meaning.
+    pub(crate) fn resize(&mut self, n: usize) {
+        self.states.iter_mut().for_each(|column| column.resize(n, 0.0));
+        [&mut self.log_weights, &mut self.weights, &mut self.scores]
+            .into_iter()
+            .for_each(|column| column.resize(n, 0.0));
+        self.blocks.resize(n.div_ceil(BLOCK), BlockSums::default());
+    }
+
     /// Sums over all blocks of the last update.
     pub(crate) fn total(&self) -> Total<N> {
         Total::of(&self.blocks)
@@ -264,6 +296,13 @@ pub(crate) fn quantiles_of<const Q: usize>(
         let at = sorted.partition_point(|&(_, c)| c < level * cumulative);
         sorted.get(at).or(sorted.last()).map_or(f64::NAN, |&(x, _)| x)
     })
+}
+
+/// Refuses no or too many particles.
+pub(crate) fn checked_number(n: usize) -> Result<usize> {
+    let needs = "it must lie between 1 and 2^26";
+    let refusal = Error::OutOfRange { what: "number of particles", value: n as f64, needs };
+    if (1..=MAX_PARTICLES).contains(&n) { Ok(n) } else { Err(refusal) }
 }
 
 /// Block sums of equal weights.
@@ -376,7 +415,7 @@ impl<const N: usize> Cloud<N> {
             cloud.equal = false;
         }
         if let Some(survivors) = saved.survivors {
-            shape("survivors of a saved cloud", survivors.len(), n)?;
+            checked_number(survivors.len())?;
             if let Some(&bad) = survivors.iter().find(|&&a| a as usize >= n) {
                 return Err(Error::Shape {
                     what: "index of a survivor",

@@ -1,39 +1,42 @@
-//! Weighted Gaussians, each of one history of modes.
+//! Weighted Gaussians, each of one history of labels.
 
 use super::{Gaussian, ModalGaussian, matched};
 use crate::error::{Error, Result};
-use crate::model::jump::count;
+use crate::model::Label;
 use crate::rng::Stream;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 
-/// What is known of a target that moves in one of several modes: hypotheses about the modes so far, each with its
-/// weight and, given it, a Gaussian. The belief of the Rao-Blackwellised filter
+/// What is known of a target beside whose state something is hidden: a mode of its motion, or anything else
+/// that a [`Latent`](crate::model::Latent) names. Hypotheses about the labels so far, each with its weight
+/// and, given it, a Gaussian. The belief of the Rao-Blackwellised filter
 /// ([`RaoBlackwell`](crate::filter::RaoBlackwell)).
 ///
 /// It shows all hypotheses that the last step weighed; the next step goes on from as many as the filter keeps.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(try_from = "Parts<N>")]
-pub struct Hypotheses<const N: usize> {
+#[serde(try_from = "Parts<N, L>", bound = "L: Label")]
+pub struct Hypotheses<const N: usize, L: Label = usize> {
     pub(crate) time: Time,
     pub(crate) stream: Stream,
     pub(crate) step: u64,
     pub(crate) modes: usize,
-    pub(crate) all: Vec<Hypothesis<N>>,
+    pub(crate) all: Vec<Hypothesis<N, L>>,
     /// Where a step writes, so that one that fails changes nothing, and memory that steps use again and again.
     #[serde(skip_serializing)]
-    pub(crate) spare: Vec<Hypothesis<N>>,
+    pub(crate) spare: Vec<Hypothesis<N, L>>,
     #[serde(skip_serializing)]
     pub(crate) weights: Vec<f64>,
     #[serde(skip_serializing)]
     pub(crate) kept: Vec<(u32, f64)>,
 }
 
-/// One history of modes, of which the last counts.
+/// One history of labels, of which the last counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Hypothesis<const N: usize> {
-    /// The mode of the last step, by its number in the model.
-    pub mode: usize,
+#[serde(bound = "L: Label")]
+pub struct Hypothesis<const N: usize, L: Label = usize> {
+    /// The label of the last step: the number of a mode, unless the model has others.
+    #[serde(alias = "mode")]
+    pub label: L,
     /// Its probability; all sum to 1.
     pub weight: f64,
     /// The law of the state given the history.
@@ -42,44 +45,43 @@ pub struct Hypothesis<const N: usize> {
 
 /// What is read before it is checked.
 #[derive(Deserialize)]
-struct Parts<const N: usize> {
+#[serde(bound = "L: Label")]
+struct Parts<const N: usize, L: Label> {
     time: Time,
     stream: Stream,
     step: u64,
     modes: usize,
-    all: Vec<Hypothesis<N>>,
+    all: Vec<Hypothesis<N, L>>,
 }
 
-impl<const N: usize> TryFrom<Parts<N>> for Hypotheses<N> {
+impl<const N: usize, L: Label> TryFrom<Parts<N, L>> for Hypotheses<N, L> {
     type Error = Error;
-    fn try_from(parts: Parts<N>) -> Result<Self> {
+    fn try_from(parts: Parts<N, L>) -> Result<Self> {
         let Parts { time, stream, step, modes, all } = parts;
         Ok(Hypotheses { step, ..Hypotheses::new(time, stream, modes, all)? })
     }
 }
 
 /// Equal beliefs go on to equal bits.
-impl<const N: usize> PartialEq for Hypotheses<N> {
+impl<const N: usize, L: Label> PartialEq for Hypotheses<N, L> {
     fn eq(&self, other: &Self) -> bool {
         let parts = |b: &Self| (b.time, b.stream, b.step, b.modes);
         parts(self) == parts(other) && self.all == other.all
     }
 }
 
-impl<const N: usize> Hypotheses<N> {
-    /// The belief of these hypotheses over so many modes; `stream` is what reductions draw from.
+impl<const N: usize, L: Label> Hypotheses<N, L> {
+    /// The belief of these hypotheses, whose labels are numbers of so many `modes`; 0 where they are no
+    /// numbers. `stream` is what labels and reductions are drawn from.
     ///
     /// # Errors
-    /// No mode or more than [`MAX_MODES`](crate::model::jump::MAX_MODES), a hypothesis of another mode, weights that
-    /// are negative, not finite or do not sum to 1 within 1e-9.
-    pub fn new(time: Time, stream: Stream, modes: usize, all: Vec<Hypothesis<N>>) -> Result<Self> {
-        count(modes)?;
+    /// A label that [`Label::check`] refuses; of modes, no mode or more than
+    /// [`MAX_MODES`](crate::model::jump::MAX_MODES). Weights that are negative, not finite or do not sum to 1
+    /// within 1e-9.
+    pub fn new(time: Time, stream: Stream, modes: usize, all: Vec<Hypothesis<N, L>>) -> Result<Self> {
         let mut sum = 0.0;
         for hypothesis in &all {
-            if hypothesis.mode >= modes {
-                let (what, found) = ("number of a mode (from 0, below)", hypothesis.mode);
-                return Err(Error::Shape { what, found, expected: modes });
-            }
+            hypothesis.label.check(modes)?;
             sum += Error::not_negative("weight of a hypothesis", hypothesis.weight)?;
         }
         if (sum - 1.0).abs() > 1e-9 {
@@ -106,26 +108,13 @@ impl<const N: usize> Hypotheses<N> {
     }
 
     /// The hypotheses, those of one parent side by side.
-    pub fn iter(&self) -> std::slice::Iter<'_, Hypothesis<N>> {
+    pub fn iter(&self) -> std::slice::Iter<'_, Hypothesis<N, L>> {
         self.all.iter()
     }
 
-    /// Number of modes.
+    /// Number of modes; 0 where labels are no numbers of modes.
     pub fn modes(&self) -> usize {
         self.modes
-    }
-
-    /// Probability of mode `j`.
-    pub fn probability(&self, j: usize) -> f64 {
-        self.all.iter().filter(|h| h.mode == j).map(|h| h.weight).sum()
-    }
-
-    /// The Gaussian with the mean and covariance of the state given mode `j`.
-    ///
-    /// # Errors
-    /// No hypothesis with that mode and a weight; sums that are not finite.
-    pub fn mode(&self, j: usize) -> Result<Gaussian<N>> {
-        matched(self.all.iter().filter(|h| h.mode == j).map(|h| (h.weight, &h.law)))
     }
 
     /// The Gaussian with the mean and covariance of the whole.
@@ -136,17 +125,9 @@ impl<const N: usize> Hypotheses<N> {
         matched(self.all.iter().map(|h| (h.weight, &h.law)))
     }
 
-    /// For each mode its probability and the Gaussian of [`Hypotheses::mode`]. A mode without weight has the
-    /// law of the whole, which says nothing.
-    ///
-    /// # Errors
-    /// Sums that are not finite.
-    pub fn by_mode(&self) -> Result<ModalGaussian<N>> {
-        let whole = self.combined()?;
-        let probabilities: Vec<f64> = (0..self.modes).map(|j| self.probability(j)).collect();
-        let law = |(j, &p): (usize, &f64)| if p > 0.0 { self.mode(j) } else { Ok(whole) };
-        let laws = probabilities.iter().enumerate().map(law).collect::<Result<_>>()?;
-        ModalGaussian::new(self.time, probabilities, laws)
+    /// The expectation of a function of the label.
+    pub fn expectation(&self, of: impl Fn(&L) -> f64) -> f64 {
+        self.all.iter().map(|h| h.weight * of(&h.label)).sum()
     }
 
     /// The mean of the whole.
@@ -167,9 +148,37 @@ impl<const N: usize> Hypotheses<N> {
     }
 }
 
-impl<'a, const N: usize> IntoIterator for &'a Hypotheses<N> {
-    type Item = &'a Hypothesis<N>;
-    type IntoIter = std::slice::Iter<'a, Hypothesis<N>>;
+impl<const N: usize> Hypotheses<N> {
+    /// Probability of mode `j`.
+    pub fn probability(&self, j: usize) -> f64 {
+        self.all.iter().filter(|h| h.label == j).map(|h| h.weight).sum()
+    }
+
+    /// The Gaussian with the mean and covariance of the state given mode `j`.
+    ///
+    /// # Errors
+    /// No hypothesis with that mode and a weight; sums that are not finite.
+    pub fn mode(&self, j: usize) -> Result<Gaussian<N>> {
+        matched(self.all.iter().filter(|h| h.label == j).map(|h| (h.weight, &h.law)))
+    }
+
+    /// For each mode its probability and the Gaussian of [`Hypotheses::mode`]. A mode without weight has the
+    /// law of the whole, which says nothing.
+    ///
+    /// # Errors
+    /// Sums that are not finite.
+    pub fn by_mode(&self) -> Result<ModalGaussian<N>> {
+        let whole = self.combined()?;
+        let probabilities: Vec<f64> = (0..self.modes).map(|j| self.probability(j)).collect();
+        let law = |(j, &p): (usize, &f64)| if p > 0.0 { self.mode(j) } else { Ok(whole) };
+        let laws = probabilities.iter().enumerate().map(law).collect::<Result<_>>()?;
+        ModalGaussian::new(self.time, probabilities, laws)
+    }
+}
+
+impl<'a, const N: usize, L: Label> IntoIterator for &'a Hypotheses<N, L> {
+    type Item = &'a Hypothesis<N, L>;
+    type IntoIter = std::slice::Iter<'a, Hypothesis<N, L>>;
     fn into_iter(self) -> Self::IntoIter {
         self.iter()
     }
@@ -183,7 +192,7 @@ mod tests {
     #[test]
     fn parts_are_those_of_the_mixture() {
         let law = |m: f64| Gaussian::new([m], Matrix([[1.0]])).unwrap();
-        let part = |mode, weight, m| Hypothesis { mode, weight, law: law(m) };
+        let part = |label, weight, m| Hypothesis { label, weight, law: law(m) };
         let all = vec![part(0, 0.25, 1.0), part(1, 0.5, 2.0), part(0, 0.25, 3.0)];
         let belief = Hypotheses::new(Time::ZERO, Stream::new(1), 3, all.clone()).unwrap();
         assert_eq!((belief.probability(0), belief.probability(1), belief.probability(2)), (0.5, 0.5, 0.0));
@@ -202,6 +211,14 @@ mod tests {
         let text = serde_json::to_string(&belief).unwrap();
         assert_eq!(serde_json::from_str::<Hypotheses<1>>(&text).unwrap(), belief);
         assert!(serde_json::from_str::<Hypotheses<1>>(&text.replace("\"modes\":3", "\"modes\":1")).is_err());
+        // As they were saved when every label was a mode.
+        let former = text.replace("\"label\"", "\"mode\"");
+        assert!(former != text && serde_json::from_str::<Hypotheses<1>>(&former).unwrap() == belief);
         assert!(Hypotheses::new(Time::ZERO, Stream::new(1), 3, all[..2].to_vec()).is_err());
+        assert!(Hypotheses::new(Time::ZERO, Stream::new(1), 17, all).is_err());
+        assert_eq!(belief.expectation(|&mode| mode as f64), 0.5);
+        let part = |label| Hypothesis { label, weight: 1.0, law: law(0.0) };
+        assert!(Hypotheses::new(Time::ZERO, Stream::new(1), 0, vec![part(f64::NAN)]).is_err());
+        assert!(Hypotheses::new(Time::ZERO, Stream::new(1), 0, vec![part(-2.5)]).is_ok());
     }
 }

@@ -88,6 +88,12 @@ impl<const N: usize> MovedCloud<N> {
         &self.cloud
     }
 
+    /// An independent continuation: the same particles, other random numbers from here on.
+    #[must_use]
+    pub fn fork(&self, label: u64) -> Self {
+        MovedCloud { cloud: self.cloud.fork(label), ..self.clone() }
+    }
+
     /// What the moves of the last step did.
     pub fn moved(&self) -> Moved {
         self.moved

@@ -90,7 +90,7 @@ pub struct WindowVb<A, C, const N: usize, const W: usize> {
 
 /// What a [`WindowVb`] knows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Extended<const N: usize> {
+pub struct ExtendedBelief<const N: usize> {
     time: Time,
     state: Gaussian<N>,
     shape: Shape,
@@ -113,7 +113,7 @@ struct Scan<const N: usize> {
     smoothed: Gaussian<N>,
 }
 
-impl<const N: usize> Extended<N> {
+impl<const N: usize> ExtendedBelief<N> {
     /// Time of the last scan.
     pub fn time(&self) -> Time {
         self.time
@@ -270,11 +270,11 @@ where
     C: Centre<N>,
 {
     type Measurement = Vec<[f64; 2]>;
-    type Belief = Extended<N>;
+    type Belief = ExtendedBelief<N>;
 
-    fn start(&self, at: Time, _: Stream) -> Result<Extended<N>> {
+    fn start(&self, at: Time, _: Stream) -> Result<ExtendedBelief<N>> {
         let count = self.shape.len();
-        Ok(Extended {
+        Ok(ExtendedBelief {
             time: at,
             state: self.prior,
             shape: self.shape.clone(),
@@ -287,7 +287,7 @@ where
         })
     }
 
-    fn step(&self, belief: &mut Extended<N>, to: Time, scan: Option<&Vec<[f64; 2]>>) -> Result<Update> {
+    fn step(&self, belief: &mut ExtendedBelief<N>, to: Time, scan: Option<&Vec<[f64; 2]>>) -> Result<Update> {
         let ahead = predict_law(&Tangent, &self.motion, &belief.state, belief.time, to)?;
         let Some(points) = scan else {
             (belief.time, belief.state) = (to, ahead);
@@ -311,7 +311,7 @@ where
     /// Takes in a scan; the variational bound on its log-density given those before, the number of points given.
     fn take(
         &self,
-        belief: &mut Extended<N>,
+        belief: &mut ExtendedBelief<N>,
         to: Time,
         ahead: Gaussian<N>,
         points: &[[f64; 2]],
@@ -370,7 +370,7 @@ where
     }
 
     /// The oldest scan leaves its statistics to the shape and its state to the start of the window.
-    fn freeze(&self, belief: &mut Extended<N>) {
+    fn freeze(&self, belief: &mut ExtendedBelief<N>) {
         let Some(scan) = belief.window.pop_front() else { return };
         belief.frozen.iter_mut().for_each(|sums| {
             let old = *sums;
@@ -392,7 +392,7 @@ where
     }
 
     /// The path through the window under the shares of its points.
-    fn smooth(&self, belief: &mut Extended<N>, lobes: &[Lobe]) -> Result<()> {
+    fn smooth(&self, belief: &mut ExtendedBelief<N>, lobes: &[Lobe]) -> Result<()> {
         let (mut time, mut state) = belief.anchor;
         let mut joints = Vec::with_capacity(belief.window.len());
         for scan in &mut belief.window {

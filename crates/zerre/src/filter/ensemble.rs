@@ -1,6 +1,6 @@
 //! The ensemble Kalman filter: a Kalman filter whose law is a sample.
 
-use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
+use crate::belief::{Cloud, Gaussian, Lineage, MAX_PARTICLES};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Prior, Update};
 use crate::kernels::{
@@ -110,7 +110,7 @@ where
     pub fn new(prior: P, motion: A, measurement: H, settings: EnsembleSettings) -> Result<Self> {
         enough::<M>(settings.members)?;
         // Far out in the tail a robust model has long departed from 1.
-        if measurement.covariance_scale(1e6) != 1.0 {
+        if measurement.is_heavy_tailed() {
             let what =
                 "the ensemble Kalman filter takes measurements with normal noise only, not robust ones";
             return Err(Error::Unsupported(what.into()));
@@ -302,6 +302,8 @@ where
         }
         std::mem::swap(&mut cloud.states, &mut cloud.spare);
         (cloud.time, cloud.step) = (to, cloud.step + 1);
+        // Corrected members are no longer where the motion led them.
+        cloud.lineage = if outcome == Outcome::Updated { Lineage::Lost } else { Lineage::Numbers };
         for (block, sums) in cloud.blocks.iter_mut().enumerate() {
             let range = block * BLOCK..((block + 1) * BLOCK).min(n);
             let states = cloud.states.each_ref().map(|c| &c[range.clone()]);
@@ -310,6 +312,7 @@ where
             *sums = kernels::weigh(self.settings.simd, None, scores, &states, weights);
         }
         let particles = ParticleUpdate {
+            particles: n,
             ess: n as f64,
             resampled: false,
             distinct_ancestors: n,

@@ -335,7 +335,7 @@ pub(crate) fn update_law<T: Transform, H: GaussianMeasurement<N, M>, const N: us
 }
 
 /// z - z_hat, angles wrapped.
-fn innovation<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
+pub(crate) fn innovation<H: GaussianMeasurement<N, M>, const N: usize, const M: usize>(
     z: &[f64; M],
     predicted: &[f64; M],
 ) -> [f64; M] {

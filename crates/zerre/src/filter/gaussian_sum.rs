@@ -346,7 +346,7 @@ fn thirds<const N: usize>(part: &Hypothesis<N>, axis: usize) -> Result<[Hypothes
     let at = |weight: f64, off: f64| {
         let mean = from_fn(|i| part.law.mean()[i] + off * column[i]);
         let law = Gaussian::computed("mean of a part", "covariance of a part", mean, covariance)?;
-        Ok(Hypothesis { mode: part.mode, weight: weight * part.weight, law })
+        Ok(Hypothesis { label: part.label, weight: weight * part.weight, law })
     };
     Ok([at(outer, -distance)?, at(1.0 - 2.0 * outer, 0.0)?, at(outer, distance)?])
 }
@@ -449,7 +449,7 @@ where
 
     /// The prior as one part; no random numbers are drawn.
     fn start(&self, at: Time, stream: Stream) -> Result<Hypotheses<N>> {
-        Hypotheses::new(at, stream, 1, vec![Hypothesis { mode: 0, weight: 1.0, law: self.prior }])
+        Hypotheses::new(at, stream, 1, vec![Hypothesis { label: 0, weight: 1.0, law: self.prior }])
     }
 
     fn step(&self, belief: &mut Hypotheses<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {

@@ -238,6 +238,7 @@ where
             }
         }
         let mut particles = ParticleUpdate {
+            particles: cloud.len(),
             ess: before.ess(),
             resampled: false,
             distinct_ancestors: cloud.len(),
@@ -341,6 +342,7 @@ where
             Some(_) => (Outcome::Updated, total.log_sum()),
         };
         let particles = ParticleUpdate {
+            particles: cloud.len(),
             ess: total.ess(),
             resampled: true,
             distinct_ancestors,
@@ -353,8 +355,13 @@ where
 
 /// What there is to say of a step that leaves the particles as they are.
 fn unmoved<const N: usize>(cloud: &ModalCloud<N>, outcome: Outcome, log_evidence: f64) -> Update {
-    let (ess, distinct_ancestors) = (cloud.ess(), cloud.len());
-    let particles =
-        ParticleUpdate { ess, resampled: false, distinct_ancestors, not_finite: 0, evaluations: 0 };
+    let particles = ParticleUpdate {
+        particles: cloud.len(),
+        ess: cloud.ess(),
+        resampled: false,
+        distinct_ancestors: cloud.len(),
+        not_finite: 0,
+        evaluations: 0,
+    };
     Update { outcome, log_evidence, particles: Some(particles) }
 }

@@ -105,7 +105,7 @@ impl Transform for Linear {
             return refuse("a measurement of angles");
         }
         // Far out in the tail a robust model has long departed from 1.
-        if measurement.covariance_scale(1e6) != 1.0 {
+        if measurement.is_heavy_tailed() {
             return refuse("a robust measurement");
         }
         self.observe(measurement, Time::ZERO, prior).map(drop)

@@ -1,6 +1,6 @@
 //! The sequential Markov chain Monte Carlo filter: a chain in place of weights.
 
-use crate::belief::{Cloud, Gaussian, MAX_PARTICLES, MovedCloud, Proposals};
+use crate::belief::{Cloud, Gaussian, Lineage, MAX_PARTICLES, MovedCloud, Proposals};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Prior, Update};
 use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Simd, Source, Survivors, Threads};
@@ -227,10 +227,12 @@ where
         *moved = Moved::default();
         cloud.step += 1;
         cloud.time = to;
+        cloud.lineage = Lineage::Numbers;
         let n = cloud.len();
         self.propose(cloud, proposals, (step.as_ref(), digest.as_ref()));
         let not_finite = proposals.lost.iter().sum();
         let mut particles = ParticleUpdate {
+            particles: n,
             ess: n as f64,
             resampled: false,
             distinct_ancestors: n,
@@ -264,6 +266,10 @@ where
                 *state = proposals.states[k][c as usize];
             }
         }
+        for (ancestor, &c) in cloud.ancestors.iter_mut().zip(&*chosen) {
+            *ancestor = proposals.parents[c as usize];
+        }
+        cloud.lineage = Lineage::Ancestors;
         (particles.ess, particles.distinct_ancestors) = repetitions(chosen);
         particles.resampled = true;
         cloud.equalise();

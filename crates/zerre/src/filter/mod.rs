@@ -1,5 +1,6 @@
 //! Rules that change beliefs. A filter holds models and settings and never changes; a belief is a value.
 
+mod deadline;
 mod ensemble;
 mod extended;
 mod gaussian;
@@ -8,6 +9,7 @@ mod grid;
 pub(crate) mod imm;
 mod imm_particle;
 mod kalman;
+mod look_ahead;
 mod mcmc;
 mod multiple_model;
 mod particle;
@@ -15,13 +17,17 @@ pub(crate) mod rao_blackwell;
 mod rejuvenation;
 mod resample_move;
 mod selection;
+mod settings;
+mod size;
 mod unscented;
 
+pub(crate) use deadline::Pace;
+pub use deadline::{Budget, Deadline};
 pub use ensemble::{Correcting, Ensemble, EnsembleSettings};
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
-pub(crate) use gaussian::predict_law;
 pub use gaussian::{GaussianFilter, Joint, PredictedMeasurement, Transform, predict_measurement};
+pub(crate) use gaussian::{innovation, predict_law};
 pub use gaussian_sum::{GaussianSum, Simplified, SumSettings};
 pub use grid::Grid;
 pub(crate) use imm::step_with as step_modes;
@@ -34,12 +40,14 @@ pub(crate) use multiple_model::SavedModalBelief;
 pub use multiple_model::{
     AfterResampling, ModalBelief, ModalSettings, MultipleModel, ObservationError, Output, ScaledResidual,
 };
-pub use particle::{ParticleFilter, Prior, Settings};
+pub use particle::ParticleFilter;
 pub use rao_blackwell::RaoBlackwell;
 pub(crate) use rao_blackwell::{check_hypotheses, step_with as step_hypotheses};
 pub use rejuvenation::{Kernel, Rejuvenation};
 pub use resample_move::ResampleMove;
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
+pub use settings::{Prior, Settings};
+pub use size::{Boxes, Kld, Size};
 pub(crate) use unscented::Spread;
 pub use unscented::{SigmaPoints, Unscented};
 
@@ -84,6 +92,9 @@ pub struct Update {
 /// How the particles fared in one step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParticleUpdate {
+    /// How many particles the step moved and weighed.
+    #[serde(default)]
+    pub particles: usize,
     /// Effective sample size 1 / sum w^2 after weighting, before resampling.
     pub ess: f64,
     /// Whether the step ended with resampling.

@@ -796,6 +796,7 @@ where
         let Weighed { total, not_finite, degenerate } = weighed;
         let candidates = belief.cloud.len();
         let mut particles = ParticleUpdate {
+            particles: candidates,
             ess: total.ess(),
             resampled: false,
             distinct_ancestors: n,

@@ -1,97 +1,19 @@
 //! The particle filter: sequential importance sampling with resampling (Gordon, Salmond and Smith, IEE Proceedings F
 //! 140, 1993), with any [`proposal`](crate::proposal).
 
-use crate::belief::{Cloud, Gaussian, MAX_PARTICLES};
+use crate::belief::{Cloud, Gaussian, Lineage};
 use crate::error::{Error, Result};
-use crate::filter::rejuvenation::{Rejuvenation, gather};
+use crate::filter::settings::{Prior, Settings};
+use crate::filter::size::{Goal, Size};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
-use crate::kernels::{
-    self, BLOCK, BlockSums, NoiseBlock, NoiseKey, NoiseSource, Resolution, Simd, Source, Survivors, Threads,
-    Total,
-};
-use crate::math::{Cholesky, Real};
+use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, Source, Survivors, Total};
+use crate::math::Real;
 use crate::model::{Likelihood, Motion, Noise};
 use crate::proposal::{Bootstrap, Models, Proposal};
-use crate::resample::{BlockWeights, Context, Resampling, Trigger};
+use crate::resample::{BlockWeights, Context};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Where the first particles come from.
-pub trait Prior<const N: usize>: Send + Sync {
-    /// `n` independent states in columns.
-    ///
-    /// # Errors
-    /// A law that cannot be drawn from.
-    fn columns(&self, stream: Stream, n: usize) -> Result<[Vec<f64>; N]>;
-}
-
-impl<const N: usize> Prior<N> for Gaussian<N> {
-    fn columns(&self, stream: Stream, n: usize) -> Result<[Vec<f64>; N]> {
-        // Not triangular: a semidefinite factor takes its pivots in the order of their size.
-        let factor = Cholesky::semidefinite("covariance of the prior", self.covariance())?;
-        let mut columns = std::array::from_fn(|_| vec![0.0; n]);
-        let source = NoiseSource { resolution: Resolution::Bits64, ..NoiseSource::default() };
-        let mut noise = NoiseBlock::<N>::new();
-        for (block, first) in (0..n).step_by(BLOCK).enumerate() {
-            let last = n.min(first + BLOCK);
-            let key = NoiseKey { stream, purpose: Purpose::Prior, step: 0, block };
-            kernels::fill_noise(
-                Simd::best(),
-                source,
-                Noise::StandardNormal,
-                key,
-                (last - first, N),
-                &mut noise,
-            );
-            let mut states = columns.each_mut().map(|c| &mut c[first..last]);
-            kernels::draw_normal(Simd::best(), self.mean(), &factor.0, &noise, &mut states);
-        }
-        Ok(columns)
-    }
-}
-
-/// Settings of a [`ParticleFilter`].
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// Number of particles, 1 000 by default.
-    pub particles: usize,
-    /// How to resample.
-    pub resampling: Resampling,
-    /// When to resample.
-    pub trigger: Trigger,
-    /// What is done to survivors before they move on.
-    pub rejuvenation: Rejuvenation,
-    /// The auxiliary particle filter (Pitt and Shephard 1999; Whiteley and Johansen 2008): resampling comes
-    /// first in a step, by weights times the power of this exponent of what the measurement is expected to
-    /// say of a particle, and is divided out of the weights after the move. 1 is the original, less is more
-    /// careful, `None` (the default) resamples after the measurement as `trigger` says. What is expected is
-    /// p(z | f(x, E w)), or what a guided proposal fits to p(z | x): the locally optimal one leaves all
-    /// weights equal (full adaptation). A step over no time resamples nothing, and survivors are not
-    /// rejuvenated.
-    pub lookahead: Option<f64>,
-    /// How process noise is made.
-    pub noise: NoiseSource,
-    /// Instructions to use; results do not depend on it.
-    pub simd: Simd,
-    /// Threads to use; results do not depend on them.
-    pub threads: Threads,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            particles: 1000,
-            resampling: Resampling::default(),
-            trigger: Trigger::default(),
-            rejuvenation: Rejuvenation::Nothing,
-            lookahead: None,
-            noise: NoiseSource::default(),
-            simd: Simd::best(),
-            threads: Threads::Serial,
-        }
-    }
-}
 
 /// A particle filter for a motion model `M`, a sensor `H`, a prior `P` and a proposal `Q`.
 #[derive(Clone, Debug)]
@@ -117,10 +39,6 @@ where
         ParticleFilter::guided(prior, motion, sensor, Bootstrap, settings)
     }
 }
-
-/// Expected log-likelihoods count as no less than this beside the largest: what they are divided out of stays
-/// bounded.
-const LEAST_EXPECTED: f64 = -14.0;
 
 /// What moves and weighs the particles of one step: a step if time passes, a digest if there is a
 /// measurement, a guide if there are both and the proposal looks.
@@ -173,21 +91,7 @@ where
     /// No or too many particles, a trigger, a roughening or a lookahead out of range, models that the
     /// proposal is not for.
     pub fn guided(prior: P, motion: M, sensor: H, proposal: Q, settings: Settings) -> Result<Self> {
-        if settings.particles == 0 || settings.particles > MAX_PARTICLES {
-            let value = settings.particles as f64;
-            return Err(Error::OutOfRange {
-                what: "number of particles",
-                value,
-                needs: "it must lie between 1 and 2^26",
-            });
-        }
-        if let Trigger::Below(fraction) = settings.trigger {
-            Error::not_negative("fraction that triggers resampling", fraction)?;
-        }
-        if let Some(exponent) = settings.lookahead {
-            Error::not_negative("exponent of the lookahead", exponent)?;
-        }
-        settings.rejuvenation.checked()?;
+        settings.checked(N)?;
         proposal.accept(&motion, &sensor)?;
         Ok(ParticleFilter { prior, motion, sensor, proposal, settings })
     }
@@ -214,9 +118,11 @@ where
         let (law, components) = (self.motion.noise(), self.motion.noise_components());
         let (stream, number) = (cloud.stream, cloud.step);
         let (gathers, keeps) = (cloud.pending, plan.keeps);
+        let n = cloud.coming();
         if gathers || keeps {
             std::mem::swap(&mut cloud.states, &mut cloud.spare);
         }
+        cloud.resize(n);
         let from = cloud.spare.each_ref().map(Vec::as_slice);
         let survivors = Survivors::new(from, &cloud.ancestors);
         let states = cloud.states.each_mut().map(Vec::as_mut_slice);
@@ -275,92 +181,6 @@ where
         evaluations.into_inner() + if plan.digest.is_some() { cloud.len() } else { 0 }
     }
 
-    /// Resamples by what the measurement is expected to say; does not where it says nothing of anybody. The
-    /// log-weights of before are kept. Returns how many have descendants, and how often the measurement was
-    /// evaluated.
-    fn look_ahead(
-        &self,
-        cloud: &mut Cloud<N>,
-        exponent: f64,
-        (step, digest, guide): (&M::Step, &H::Digest<'_>, Option<&Q::Given<'_>>),
-    ) -> (Option<usize>, usize) {
-        let Settings { simd, ref threads, .. } = self.settings;
-        if cloud.pending {
-            gather(simd, cloud);
-        }
-        cloud.kept.resize(cloud.len(), 0.0);
-        let mean = self.motion.noise().mean();
-        let from = cloud.states.each_ref().map(Vec::as_slice);
-        let log_weights = (!cloud.equal).then_some(&cloud.log_weights);
-        let evaluations = AtomicUsize::new(cloud.len());
-        // Where each particle goes by the mean of its proposal, and what is seen there.
-        threads.for_each_block(
-            cloud.spare.each_mut().map(Vec::as_mut_slice),
-            [&mut cloud.scores, &mut cloud.kept],
-            &mut cloud.blocks,
-            |b, mut states, [scores, ratios], sums| {
-                let first = b * BLOCK;
-                let here = Source::Columns(from.map(|c| &c[first..first + scores.len()]));
-                let mut noise = NoiseBlock::<W>::new();
-                ratios.fill(0.0);
-                if let Some(guide) = guide {
-                    kernels::gather(here, &mut states);
-                    noise.fill(scores.len(), 0.0);
-                    let made = Q::propose(guide, simd, (&noise, None), &mut states, ratios);
-                    evaluations.fetch_add(made, Ordering::Relaxed);
-                } else {
-                    noise.fill(scores.len(), mean);
-                    kernels::propagate::<N, W, M>(simd, step, &noise, here, &mut states);
-                }
-                H::score(digest, simd, &states.each_ref().map(|c| &**c), scores);
-                let mut max = f64::NEG_INFINITY;
-                for (i, (expected, score)) in ratios.iter_mut().zip(scores).enumerate() {
-                    *expected += *score;
-                    let has_weight = log_weights.is_none_or(|l| l[first + i] != f64::NEG_INFINITY);
-                    if has_weight && *expected > max && *expected < f64::INFINITY {
-                        max = *expected;
-                    }
-                }
-                *sums = BlockSums { max, ..BlockSums::default() };
-            },
-        );
-        let evaluations = evaluations.into_inner();
-        let max = cloud.total().max;
-        if max == f64::NEG_INFINITY {
-            return (None, evaluations);
-        }
-        threads.for_each_block(
-            cloud.states.each_mut().map(Vec::as_mut_slice),
-            [&mut cloud.scores, &mut cloud.weights, &mut cloud.kept],
-            &mut cloud.blocks,
-            |b, states, [scores, weights, expected], sums| {
-                for (score, expected) in scores.iter_mut().zip(expected) {
-                    // Written so that a NaN becomes the least.
-                    let beside = *expected - max;
-                    let beside = if beside > LEAST_EXPECTED { beside.min(0.0) } else { LEAST_EXPECTED };
-                    *expected = exponent * beside;
-                    *score = *expected;
-                }
-                let log_weights = log_weights.map(|l| &l[b * BLOCK..b * BLOCK + scores.len()]);
-                *sums = kernels::weigh(simd, log_weights, scores, &states.each_ref().map(|c| &**c), weights);
-            },
-        );
-        let total = cloud.total();
-        if !(total.sum.is_finite() && total.sum > 0.0) {
-            return (None, evaluations);
-        }
-        let before = cloud.log_sum;
-        let distinct_ancestors = self.resample(cloud, &total);
-        for (score, &ancestor) in cloud.scores.iter_mut().zip(&cloud.ancestors) {
-            *score = -cloud.kept[ancestor as usize];
-        }
-        std::mem::swap(&mut cloud.kept, &mut cloud.log_weights);
-        std::mem::swap(&mut cloud.log_weights, &mut cloud.scores);
-        cloud.equal = false;
-        cloud.log_sum -= total.log_sum() - before;
-        (Some(distinct_ancestors), evaluations)
-    }
-
     /// Makes particles worthless whose likelihood is NaN or infinite or whose state is lost; returns how many there
     /// were. A state that is no number would spoil the sums even at weight zero: it becomes zero, and the particle
     /// stays worthless even if the measurement is taken back.
@@ -393,7 +213,9 @@ where
     }
 
     /// Draws the survivors; they are gathered when the next step moves them.
-    fn resample(&self, cloud: &mut Cloud<N>, total: &Total<N>) -> usize {
+    pub(super) fn resample(&self, cloud: &mut Cloud<N>, total: &Total<N>, goal: &Goal<'_>) -> usize {
+        let children = goal.count(self.settings.simd, cloud, total);
+        cloud.ancestors.resize(children, 0);
         let pairs = cloud.scratch.pairs(&cloud.blocks, total.max);
         let context = Context {
             level: self.settings.simd,
@@ -405,7 +227,7 @@ where
         let drawn = self.settings.resampling.draw(context, from, &mut cloud.scratch, &mut cloud.ancestors);
         cloud.scratch.return_pairs(pairs);
         (cloud.pending, cloud.equal) = (true, true);
-        cloud.log_sum = Real::ln(cloud.len() as f64);
+        cloud.log_sum = Real::ln(children as f64);
         drawn
     }
 }
@@ -421,19 +243,51 @@ where
     type Belief = Cloud<N>;
 
     fn start(&self, at: Time, stream: Stream) -> Result<Cloud<N>> {
-        let n = self.settings.particles;
+        let Settings { particles, ref size, .. } = self.settings;
+        self.start_with_room(at, stream, size.most(particles))
+    }
+
+    fn step(&self, cloud: &mut Cloud<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
+        // The number that the next resampling leaves: with a lookahead it is that of this very step.
+        let of = cloud.step + u64::from(self.settings.lookahead.is_none());
+        self.step_toward(cloud, to, z, &self.settings.size.goal(of))
+    }
+}
+
+impl<const N: usize, const W: usize, M, H, P, Q> ParticleFilter<N, W, M, H, P, Q>
+where
+    M: Motion<N, W>,
+    H: Likelihood<N>,
+    P: Prior<N>,
+    Q: Proposal<N, W, M, H>,
+{
+    /// The first particles, with room for `most`, so that no later step of at most as many allocates.
+    pub(super) fn start_with_room(&self, at: Time, stream: Stream, most: usize) -> Result<Cloud<N>> {
+        let Settings { particles: n, ref size, lookahead, .. } = self.settings;
         let mut cloud = Cloud::from_columns(at, stream, self.prior.columns(stream, n)?)?;
-        // What the first step with a measurement would ask for.
-        if self.settings.lookahead.is_some() {
-            cloud.scratch.reserve(n, n);
+        if most > n {
+            cloud.reserve(most);
         }
-        if self.settings.lookahead.is_some() || Q::GUIDED {
-            cloud.kept.reserve_exact(n);
+        if lookahead.is_some() || most > n || *size != Size::Fixed {
+            cloud.scratch.reserve(most, most);
+        }
+        if lookahead.is_some() || Q::GUIDED {
+            cloud.kept.reserve_exact(most);
+        }
+        if matches!(size, Size::Kld(_)) {
+            cloud.scratch.bins.reserve_exact(most);
         }
         Ok(cloud)
     }
 
-    fn step(&self, cloud: &mut Cloud<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
+    /// A step whose resampling, if there is one, leaves as many particles as `goal` says.
+    pub(super) fn step_toward(
+        &self,
+        cloud: &mut Cloud<N>,
+        to: Time,
+        z: Option<&H::Value>,
+        goal: &Goal<'_>,
+    ) -> Result<Update> {
         let from = cloud.time;
         if to < from {
             return Err(Error::OutOfOrder { from, to });
@@ -452,11 +306,11 @@ where
             rejuvenation.apply(simd, cloud);
         }
         cloud.step += 1;
-        let n = cloud.len();
+        cloud.lineage = Lineage::Numbers;
         let before = (cloud.pending, cloud.equal, cloud.log_sum);
         let (ahead, expectations) = match (lookahead, &moved, &digest) {
             (Some(exponent), Some(step), Some(digest)) => {
-                self.look_ahead(cloud, exponent, (step, digest, guide.as_ref()))
+                self.look_ahead(cloud, (exponent, goal), (step, digest, guide.as_ref()))
             }
             _ => (None, 0),
         };
@@ -464,6 +318,7 @@ where
         let plan = Plan { step: moved.as_ref(), digest: digest.as_ref(), guide: guide.as_ref(), keeps };
         let evaluations = expectations + self.visit(cloud, &plan);
         cloud.time = to;
+        let n = cloud.len();
 
         let mut total = cloud.total();
         let mut not_finite = 0;
@@ -478,6 +333,7 @@ where
             total = cloud.total();
         }
         let mut particles = ParticleUpdate {
+            particles: n,
             ess: total.ess(),
             resampled: ahead.is_some(),
             distinct_ancestors: ahead.unwrap_or(n),
@@ -493,12 +349,13 @@ where
                 if ahead.is_some() || not_finite > 0 {
                     std::mem::swap(&mut cloud.log_weights, &mut cloud.kept);
                 }
+                cloud.resize(cloud.states.first().map_or(n, Vec::len));
                 (cloud.pending, cloud.equal, cloud.log_sum) = before;
                 // Looking ahead has gathered the survivors.
                 cloud.pending &= ahead.is_none();
                 (cloud.time, cloud.step) = (from, cloud.step - 1);
-                let update = self.step(cloud, to, None)?;
-                let particles = update.particles.map(|particles| ParticleUpdate { evaluations, ..particles });
+                let update = self.step_toward(cloud, to, None, goal)?;
+                let particles = update.particles.map(|p| ParticleUpdate { particles: n, evaluations, ..p });
                 return Ok(Update {
                     outcome: Outcome::Degenerate,
                     log_evidence: f64::NEG_INFINITY,
@@ -518,9 +375,10 @@ where
         let log_sum = total.log_sum();
         let log_evidence = if digest.is_some() { log_sum - cloud.log_sum } else { 0.0 };
         let trigger = self.settings.trigger;
-        if digest.is_some() && lookahead.is_none() && trigger.fires(particles.ess, n) {
+        let wanted = trigger.fires(particles.ess, n) || goal.insists(n);
+        if digest.is_some() && lookahead.is_none() && wanted {
             particles.resampled = true;
-            particles.distinct_ancestors = self.resample(cloud, &total);
+            particles.distinct_ancestors = self.resample(cloud, &total, goal);
         } else if digest.is_some() || not_finite > 0 {
             std::mem::swap(&mut cloud.log_weights, &mut cloud.scores);
             (cloud.equal, cloud.log_sum) = (false, log_sum);

@@ -1,30 +1,40 @@
-//! The Rao-Blackwellised multiple-model filter: the modes by enumeration and reduction, the state given them by a
-//! Gaussian.
+//! The Rao-Blackwellised filter: what is hidden by enumeration, or draws, and reduction; the state given it
+//! by a Gaussian.
 
-use super::gaussian::{gate_distance, update_law};
+use super::gaussian::{gate_distance, predict_law, update_law};
 use super::imm::weighed;
-use super::{Filter, MotionTangent, Outcome, Transform, Update};
+use super::{Filter, MotionTangent, Outcome, ParticleUpdate, Transform, Update};
 use crate::belief::{Gaussian, Hypotheses, Hypothesis, MAX_PARTICLES, matched};
 use crate::error::{Error, Result};
 use crate::math::{Matrix, Real};
 use crate::model::jump::MAX_MODES;
-use crate::model::{GaussianMeasurement, JumpMarkov, Motion};
+use crate::model::{GaussianMeasurement, JumpMarkov, Latent, Motion, sampled};
 use crate::resample::Reduction;
-use crate::rng::Stream;
+use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use std::array::from_fn;
+use std::borrow::Borrow;
 
-/// The Rao-Blackwellised filter of a jump-Markov model (Doucet, Gordon and Krishnamurthy, IEEE Transactions on Signal
-/// Processing 49(3), 2001): hypotheses about the history of modes, each with a Kalman filter of one kind or another.
+/// The Rao-Blackwellised filter of a model that is linear and normal, or nearly so, given a [`Latent`] label:
+/// the mode of a [`JumpMarkov`] model (Doucet, Gordon and Krishnamurthy, IEEE Transactions on Signal
+/// Processing 49(3), 2001), the scale of heavy-tailed noise ([`NoiseScale`](crate::model::NoiseScale)), the
+/// nonlinear part of a mixed model (Schön, Gustafsson and Nordlund, same journal 53(7), 2005). It keeps
+/// hypotheses about the history of labels, each with a Kalman filter of one kind or another.
 ///
-/// A step takes every hypothesis through every mode that may follow, multiplies its weight by the transition's
-/// probability and the evidence of the measurement (so that modes are proposed by their own posterior), and shows all
-/// of them. The next one first reduces them to the number that the filter keeps ([`Reduction`]), without bias: exp of
-/// the summed log-evidence has the expectation that no reduction would give. While the number is not exceeded nothing
-/// is reduced, and on linear models the results are exact. Neighbours of equal laws, as at the start, go on as one.
+/// A step takes every hypothesis through every label that may follow, or several draws of it, multiplies its
+/// weight by their probability and the evidence of the measurement (so that labels are proposed by their own
+/// posterior), and shows all of them. The next one first reduces them to the number that the filter keeps
+/// ([`Reduction`]), without bias: exp of the summed log-evidence has the expectation that no reduction would
+/// give. While the number is not exceeded nothing is reduced, and with labels that are enumerated the results
+/// on linear models are exact. Neighbours of equal labels and laws, as modes have at the start, go on as one.
 ///
-/// A pair of hypothesis and mode whose update is [`Outcome::Degenerate`] has evidence zero; where this befalls all, so
-/// is the outcome of the step. The gate is applied once, to the innovation of the combined law.
+/// [`Reduction::Optimal`] serves labels that are drawn as well as modes: it asks that no hypothesis stand
+/// twice among those it chooses from, and draws of a continuous label never do.
+///
+/// A pair of hypothesis and label whose update is [`Outcome::Degenerate`] has evidence zero; where this
+/// befalls all, so is the outcome of the step. The gate is applied once, to the innovation of the combined
+/// law. Labels that are drawn report [`ParticleUpdate`], where a hypothesis with one of its draws counts as a
+/// particle.
 ///
 /// ```
 /// use zerre::belief::Gaussian;
@@ -47,9 +57,9 @@ use std::array::from_fn;
 /// # Ok::<(), zerre::Error>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct RaoBlackwell<T, A, H, const N: usize, const W: usize, const M: usize> {
+pub struct RaoBlackwell<T, L, H, const N: usize, const W: usize, const M: usize> {
     transform: T,
-    model: JumpMarkov<A>,
+    model: L,
     measurement: H,
     prior: Gaussian<N>,
     hypotheses: usize,
@@ -57,28 +67,41 @@ pub struct RaoBlackwell<T, A, H, const N: usize, const W: usize, const M: usize>
     gate: Option<f64>,
 }
 
-impl<T, A, H, const N: usize, const W: usize, const M: usize> RaoBlackwell<T, A, H, N, W, M>
+impl<T, L, H, const N: usize, const W: usize, const M: usize> RaoBlackwell<T, L, H, N, W, M>
 where
     T: Transform,
-    A: Motion<N, W>,
+    L: Latent<N, W, M, H>,
     H: GaussianMeasurement<N, M>,
 {
-    /// The filter of these models, started from `prior` in every mode, which keeps at most so many `hypotheses` and
-    /// reduces them by [`Reduction::Optimal`].
+    /// The filter of these models, started from `prior` under every label, which keeps at most so many
+    /// `hypotheses` and reduces them by [`Reduction::Optimal`].
     ///
     /// # Errors
-    /// Models or parameters that the `transform` does not hold for; no hypothesis, or so many that with all modes they
-    /// exceed 2^26.
+    /// Models or parameters that the `transform` or the labels do not hold for; no hypothesis, or so many
+    /// that with all branches they exceed 2^26; a number of branches that [`Latent::branches`] excludes.
     pub fn new(
         transform: T,
-        model: JumpMarkov<A>,
+        model: L,
         measurement: H,
         prior: Gaussian<N>,
         hypotheses: usize,
     ) -> Result<Self> {
-        for mode in model.modes() {
-            transform.accept(mode, &measurement, &prior)?;
+        model.accept(&measurement)?;
+        if model.modes() == 0 {
+            sampled(model.branches())?;
         }
+        let mut refusal = Ok(());
+        let accept = |label: &L::Label| {
+            let (motion, sensor) = (model.motion(label)?, model.sensor(&measurement, label)?);
+            transform.accept(motion.borrow(), sensor.borrow(), &prior)
+        };
+        let mut draws = Stream::new(0).draws(Purpose::Mode, 0, 0);
+        model.first(&measurement, 1, &mut draws, &mut |label, _| {
+            if refusal.is_ok() {
+                refusal = accept(&label);
+            }
+        });
+        refusal?;
         check_hypotheses(hypotheses)?;
         let reduction = Reduction::default();
         Ok(RaoBlackwell { transform, model, measurement, prior, hypotheses, reduction, gate: None })
@@ -90,17 +113,8 @@ where
         RaoBlackwell { reduction, ..self }
     }
 
-    /// Leaves out measurements whose squared Mahalanobis distance from what the combined law foretells exceeds the
-    /// chi-square quantile at `probability`.
-    ///
-    /// # Errors
-    /// `probability` outside (0, 1).
-    pub fn with_gate(self, probability: f64) -> Result<Self> {
-        Ok(RaoBlackwell { gate: Some(gate_distance::<M>(probability)?), ..self })
-    }
-
-    /// The modes and their chain.
-    pub fn model(&self) -> &JumpMarkov<A> {
+    /// What is hidden: the modes and their chain, or another label.
+    pub fn model(&self) -> &L {
         &self.model
     }
 
@@ -110,23 +124,43 @@ where
     }
 }
 
-impl<T, A, H, const N: usize, const W: usize, const M: usize> Filter for RaoBlackwell<T, A, H, N, W, M>
+impl<T, A, H, const N: usize, const W: usize, const M: usize> RaoBlackwell<T, JumpMarkov<A>, H, N, W, M>
 where
     T: Transform,
     A: Motion<N, W>,
     H: GaussianMeasurement<N, M>,
 {
-    type Measurement = H::Value;
-    type Belief = Hypotheses<N>;
+    /// Leaves out measurements whose squared Mahalanobis distance from what the combined law foretells
+    /// exceeds the chi-square quantile at `probability`. Labels that change the sensor have no one law of
+    /// what it foretells.
+    ///
+    /// # Errors
+    /// `probability` outside (0, 1).
+    pub fn with_gate(self, probability: f64) -> Result<Self> {
+        Ok(RaoBlackwell { gate: Some(gate_distance::<M>(probability)?), ..self })
+    }
+}
 
-    fn start(&self, at: Time, stream: Stream) -> Result<Hypotheses<N>> {
-        let initial = self.model.chain().initial();
-        let all = initial.iter().enumerate().filter(|&(_, &weight)| weight > 0.0);
-        let all = all.map(|(mode, &weight)| Hypothesis { mode, weight, law: self.prior }).collect();
-        Hypotheses::new(at, stream, initial.len(), all)
+impl<T, L, H, const N: usize, const W: usize, const M: usize> Filter for RaoBlackwell<T, L, H, N, W, M>
+where
+    T: Transform,
+    L: Latent<N, W, M, H>,
+    H: GaussianMeasurement<N, M>,
+{
+    type Measurement = H::Value;
+    type Belief = Hypotheses<N, L::Label>;
+
+    fn start(&self, at: Time, stream: Stream) -> Result<Hypotheses<N, L::Label>> {
+        let mut all = Vec::new();
+        let mut draws = stream.draws(Purpose::Mode, 0, 0);
+        self.model.first(&self.measurement, self.hypotheses, &mut draws, &mut |label, weight| {
+            all.push(Hypothesis { label, weight, law: self.prior });
+        });
+        all.retain(|hypothesis| hypothesis.weight != 0.0);
+        Hypotheses::new(at, stream, self.model.modes(), all)
     }
 
-    fn step(&self, belief: &mut Hypotheses<N>, to: Time, z: Option<&H::Value>) -> Result<Update> {
+    fn step(&self, belief: &mut Hypotheses<N, L::Label>, to: Time, z: Option<&H::Value>) -> Result<Update> {
         let settings = (self.hypotheses, self.reduction, self.gate);
         step_with(&self.transform, &self.model, &self.measurement, settings, belief, to, z)
     }
@@ -143,26 +177,27 @@ pub(crate) fn check_hypotheses(hypotheses: usize) -> Result<()> {
 
 /// [`RaoBlackwell`]'s step for a measurement model that may differ from step to step. Settings are how many
 /// hypotheses to keep, their reduction, and the squared distance of the gate.
-pub(crate) fn step_with<T, A, H, const N: usize, const W: usize, const M: usize>(
+pub(crate) fn step_with<T, L, H, const N: usize, const W: usize, const M: usize>(
     transform: &T,
-    model: &JumpMarkov<A>,
+    model: &L,
     measurement: &H,
-    (hypotheses, reduction, gate): (usize, Reduction, Option<f64>),
-    belief: &mut Hypotheses<N>,
+    settings: (usize, Reduction, Option<f64>),
+    belief: &mut Hypotheses<N, L::Label>,
     to: Time,
     z: Option<&H::Value>,
 ) -> Result<Update>
 where
     T: Transform,
-    A: Motion<N, W>,
+    L: Latent<N, W, M, H>,
     H: GaussianMeasurement<N, M>,
 {
     let (from, modes) = (belief.time, belief.modes);
+    let (hypotheses, reduction, gate) = settings;
     if to < from {
         return Err(Error::OutOfOrder { from, to });
     }
-    if modes != model.modes().len() {
-        let expected = model.modes().len();
+    if modes != model.modes() {
+        let expected = model.modes();
         return Err(Error::Shape { what: "modes of the belief", found: modes, expected });
     }
     let Hypotheses { all, spare, weights, kept, stream, step, .. } = &mut *belief;
@@ -170,48 +205,49 @@ where
     weights.clear();
     kept.clear();
     // As many as there can ever be: no later step allocates.
-    let most = all.len().max(hypotheses * modes);
+    let most = all.len().max(hypotheses * model.branches());
     weights.reserve(most);
     kept.reserve(most);
     weights.extend(all.iter().map(|h| h.weight));
     // Numbers of the step that is about to be, so that a step that fails leaves them to the next.
     reduction.reduce(weights, hypotheses, *stream, *step + 1, kept)?;
+    let resampled = weights.iter().filter(|&&weight| weight > 0.0).count() > hypotheses;
 
-    let transition = model.chain().over(from, to);
-    let mut steps: [Option<Ahead<A, N, W>>; MAX_MODES] = from_fn(|_| None);
-    if to > from {
-        for (step, motion) in steps.iter_mut().zip(model.modes()) {
-            *step = Some(Ahead::of::<T>(motion, from, to, &all[kept[0].0 as usize].law)?);
-        }
-    }
+    let over = model.over(measurement, from, to, z)?;
     spare.clear();
     spare.reserve(most);
-    let mut first = 0;
-    while first < kept.len() {
-        // Equal laws that neighbour each other go on as one: only the mode told them apart.
-        let law = &all[kept[first].0 as usize].law;
-        let mut after = [0.0; MAX_MODES];
-        let mut last = first;
-        while last < kept.len() && all[kept[last].0 as usize].law == *law {
-            let (h, weight) = kept[last];
-            for j in 0..modes {
-                after[j] += weight * transition.probability(all[h as usize].mode, j);
+    let (mut first, mut before) = (0, None);
+    for &(h, weight) in &*kept {
+        let parent = &all[h as usize];
+        // Equal laws that neighbour each other go on as one where their labels are the same: only the label
+        // before told them apart.
+        if before != Some(parent.law) {
+            (first, before) = (spare.len(), Some(parent.law));
+        }
+        let mut k = first;
+        let mut refusal = Ok(());
+        let mut draws = stream.draws(Purpose::Mode, *step + 1, h);
+        model.branch(&over, parent, &mut draws, &mut |label, p| {
+            match Error::not_negative("weight of a label", p) {
+                Err(error) => refusal = Err(error),
+                Ok(p) => match spare.get_mut(k) {
+                    Some(same) if same.label == label => same.weight += weight * p,
+                    _ => spare.push(Hypothesis { label, weight: weight * p, law: parent.law }),
+                },
             }
-            last += 1;
-        }
-        for mode in (0..modes).filter(|&j| after[j] > 0.0) {
-            let law = match &steps[mode] {
-                Some(step) => step.propagate(transform, &model.modes()[mode], law)?,
-                None => *law,
-            };
-            spare.push(Hypothesis { mode, weight: after[mode], law });
-        }
-        first = last;
+            k += 1;
+        });
+        refusal?;
     }
-    // Rows of a chain sum to 1 within 1e-9 only.
+    spare.retain(|h| h.weight > 0.0);
+    // Rows of a chain sum to 1 within 1e-9 only. Weights of draws from another law do so in expectation, and
+    // are evidence.
     let sum: f64 = spare.iter().map(|h| h.weight).sum();
     let sum = Error::positive("sum of the weights", sum)?;
     spare.iter_mut().for_each(|h| h.weight /= sum);
+    if to > from {
+        predict(transform, model, &all[kept[0].0 as usize].law, (from, to), spare)?;
+    }
 
     let mut update = Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None };
     if let Some(z) = z {
@@ -220,16 +256,42 @@ where
             && update_law(transform, measurement, gate, &foretold()?, z, to)?.1.outcome == Outcome::Gated;
         weights.clear();
         for hypothesis in spare.iter_mut() {
-            let (law, alone) = update_law(transform, measurement, None, &hypothesis.law, z, to)?;
+            let sensor = model.sensor(measurement, &hypothesis.label)?;
+            let (law, alone) = update_law(transform, sensor.borrow(), None, &hypothesis.law, z, to)?;
             weights.push(Real::ln(hypothesis.weight) + alone.log_evidence);
             if !gated {
                 hypothesis.law = law;
             }
         }
         update = weighed(weights, gated);
-        if update.outcome == Outcome::Updated {
-            spare.iter_mut().zip(weights.iter()).for_each(|(h, &weight)| h.weight = weight);
+        match update.outcome {
+            Outcome::Updated => {
+                spare.iter_mut().zip(weights.iter()).for_each(|(h, &weight)| h.weight = weight);
+                if modes == 0 {
+                    update.log_evidence += Real::ln(sum);
+                }
+            }
+            // Labels may have been drawn for a measurement that is not used.
+            Outcome::Degenerate => {
+                let evaluations = spare.len();
+                let predicted = step_with(transform, model, measurement, settings, belief, to, None)?;
+                let particles = predicted.particles.map(|p| ParticleUpdate { evaluations, ..p });
+                return Ok(Update { particles, ..update });
+            }
+            _ => {}
         }
+    }
+    if modes == 0 {
+        let ess = 1.0 / spare.iter().map(|h| h.weight * h.weight).sum::<f64>();
+        let evaluations = if z.is_some() { spare.len() } else { 0 };
+        update.particles = Some(ParticleUpdate {
+            ess,
+            resampled,
+            distinct_ancestors: kept.len(),
+            not_finite: 0,
+            particles: spare.len(),
+            evaluations,
+        });
     }
     *step += 1;
     std::mem::swap(all, spare);
@@ -237,7 +299,50 @@ where
     Ok(update)
 }
 
-/// A mode over one step.
+/// Moves every law by the motion of its label. Jacobians that serve all are taken near the law `near`.
+fn predict<T, L, H, const N: usize, const W: usize, const M: usize>(
+    transform: &T,
+    model: &L,
+    near: &Gaussian<N>,
+    (from, to): (Time, Time),
+    all: &mut [Hypothesis<N, L::Label>],
+) -> Result<()>
+where
+    T: Transform,
+    L: Latent<N, W, M, H>,
+    H: GaussianMeasurement<N, M>,
+{
+    let mut steps: [Option<Ahead<L::Motion, N, W>>; MAX_MODES] = from_fn(|_| None);
+    // Neighbours of one law and one motion move alike.
+    let mut last: Option<(usize, Gaussian<N>, Gaussian<N>)> = None;
+    for hypothesis in all {
+        let law = hypothesis.law;
+        let shared = model.shared_motion(&hypothesis.label).filter(|&number| number < MAX_MODES);
+        hypothesis.law = match (shared, last) {
+            (Some(number), Some((same, before, after))) if (number, law) == (same, before) => after,
+            (Some(number), _) => {
+                let motion = model.motion(&hypothesis.label)?;
+                let step = match &mut steps[number] {
+                    Some(step) => step,
+                    none => none.insert(Ahead::of::<T>(motion.borrow(), from, to, near)?),
+                };
+                let after = step.propagate(transform, motion.borrow(), &law)?;
+                last = Some((number, law, after));
+                after
+            }
+            (None, _) => predict_law::<_, L::Motion, N, W>(
+                transform,
+                model.motion(&hypothesis.label)?.borrow(),
+                &law,
+                from,
+                to,
+            )?,
+        };
+    }
+    Ok(())
+}
+
+/// A motion over one step.
 struct Ahead<A: Motion<N, W>, const N: usize, const W: usize> {
     step: A::Step,
     /// df/dx and the covariance that the noise adds, where both serve every state.

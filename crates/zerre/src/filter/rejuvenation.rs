@@ -87,17 +87,19 @@ impl Rejuvenation {
 
 /// Puts the survivors of the last resampling in their places.
 pub(super) fn gather<const N: usize>(simd: Simd, cloud: &mut Cloud<N>) {
+    let n = cloud.coming();
     std::mem::swap(&mut cloud.states, &mut cloud.spare);
+    cloud.resize(n);
     let survivors = Survivors::new(cloud.spare.each_ref().map(Vec::as_slice), &cloud.ancestors);
-    let survivors = survivors.block(simd, 0, cloud.len());
+    let survivors = survivors.block(simd, 0, n);
     kernels::gather(Source::Survivors(survivors), &mut cloud.states.each_mut().map(Vec::as_mut_slice));
     cloud.pending = false;
 }
 
 fn roughen<const N: usize>(scale: f64, simd: Simd, cloud: &mut Cloud<N>) {
+    gather(simd, cloud);
     let n = cloud.len();
     let scale = scale * Real::exp(-Real::ln(n as f64) / N as f64);
-    gather(simd, cloud);
     let sd: [f64; N] = from_fn(|k| {
         let column = &cloud.states[k];
         let low = column.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,8 +1,8 @@
 //! Resampling followed by moves: copies of a particle part again, and the law stays what it is.
 
-use crate::belief::{Gaussian, MovedCloud};
+use crate::belief::{Gaussian, Lineage, MovedCloud};
 use crate::error::{Error, Result};
-use crate::filter::{Filter, ParticleFilter, Prior, Rejuvenation, Settings, Update};
+use crate::filter::{Filter, ParticleFilter, Prior, Rejuvenation, Settings, Size, Update};
 use crate::model::{Likelihood, Motion, TransitionDensity};
 use crate::moves::{Move, Moved, PathLaw, Sweeps, spread_of};
 use crate::rng::Stream;
@@ -29,12 +29,17 @@ where
     /// Moves the particles of `filter` so many times by `kernel`.
     ///
     /// # Errors
-    /// Parameters of the kernel out of range; a filter that rejuvenates its particles itself. A motion
-    /// without a density is refused by the first step that takes time.
+    /// Parameters of the kernel out of range; a filter that rejuvenates its particles itself, or
+    /// changes their number. A motion without a density is refused by the first step that takes time.
     pub fn new(filter: ParticleFilter<N, W, A, H, P>, kernel: Move, sweeps: u32) -> Result<Self> {
         if filter.settings().rejuvenation != Rejuvenation::Nothing {
             return Err(Error::Unsupported(
                 "moves take the place of a rejuvenation: set it to nothing".to_owned(),
+            ));
+        }
+        if filter.settings().size != Size::Fixed {
+            return Err(Error::Unsupported(
+                "moves keep the number of particles: leave its size fixed".to_owned(),
             ));
         }
         let moves = Sweeps { kernel, count: sweeps };
@@ -83,6 +88,7 @@ where
             let law = PathLaw::<A, H, N, W> { density, digest, parents, simd };
             *moved = self.moves.run(cloud, densities, frozen, &law, (threads, spread));
             cloud.equalise();
+            cloud.lineage = Lineage::Ancestors;
             if let Some(particles) = &mut update.particles {
                 particles.evaluations += moved.evaluations;
             }

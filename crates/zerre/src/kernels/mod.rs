@@ -8,6 +8,7 @@
 mod level;
 mod ensemble;
 mod noise;
+mod occupancy;
 mod philox;
 mod pool;
 mod propagate;
@@ -23,6 +24,7 @@ pub use pool::Threads;
 
 pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
+pub(crate) use occupancy::{expected_occupied, log_absent};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
 pub(crate) use propose::{Propose, propose};
 pub(crate) use resample::{

@@ -217,6 +217,6 @@ fn fold<S: Token>(lanes: Lanes<S>, op: impl Fn(f64, f64) -> f64) -> f64 {
 }
 
 #[inline(always)]
-fn fold_array(a: [f64; LANES], op: impl Fn(f64, f64) -> f64) -> f64 {
+pub(super) fn fold_array(a: [f64; LANES], op: impl Fn(f64, f64) -> f64) -> f64 {
     op(op(op(a[0], a[4]), op(a[2], a[6])), op(op(a[1], a[5]), op(a[3], a[7])))
 }

@@ -6,10 +6,12 @@
 //! motion that begins with them.
 
 pub mod jump;
+mod latent;
 mod likelihood;
 pub mod measurement;
 pub mod motion;
 pub mod simulate;
+pub(crate) mod state_space;
 mod transition;
 
 use crate::error::Result;
@@ -17,7 +19,10 @@ use crate::math::Real;
 use crate::rng::Draws;
 use crate::time::Time;
 pub use jump::{Chain, JumpMarkov};
+pub(crate) use latent::sampled;
+pub use latent::{Label, Latent, NoiseScale};
 pub use likelihood::Likelihood;
+pub use state_space::StateSpace;
 pub use transition::TransitionDensity;
 
 /// How the state moves: x_k = f(x_{k-1}, w_k), with `N` state components and `W` noise components.
@@ -118,13 +123,28 @@ pub trait GaussianMeasurement<const N: usize, const M: usize>: Measurement<N> {
     fn covariance(&self) -> [[f64; M]; M];
 
     /// What R must be multiplied by once the residual r = z - h(x) is known: 1 / E[1 / s | r], given the squared
-    /// Mahalanobis distance r' R^-1 r (its expectation, where x is uncertain). Normal noise has 1.
-    fn covariance_scale(&self, _mahalanobis_squared: f64) -> f64 {
-        1.0
+    /// Mahalanobis distance r' R^-1 r (its expectation, where x is uncertain). Normal noise has 1. Mark it
+    /// `#[inline(always)]`.
+    #[inline(always)]
+    fn covariance_scale<R: Real>(&self, mahalanobis_squared: R) -> R {
+        mahalanobis_squared.constant(1.0)
+    }
+
+    /// Whether the tails are heavier than those of the normal law.
+    fn is_heavy_tailed(&self) -> bool {
+        // Far out such a model has long departed from 1.
+        self.covariance_scale(1e6) != 1.0
     }
 
     /// Draws s for a simulation.
     fn draw_covariance_scale(&self, _draws: &mut Draws) -> f64 {
         1.0
+    }
+
+    /// Draws s with a residual in view, of the squared Mahalanobis distance r' R^-1 r, and gives with it the
+    /// ratio p / q of its law to that which it is drawn from. Half of q should be p itself: then no ratio
+    /// exceeds 2.
+    fn propose_covariance_scale(&self, _mahalanobis_squared: f64, draws: &mut Draws) -> (f64, f64) {
+        (self.draw_covariance_scale(draws), 1.0)
     }
 }

@@ -1,8 +1,8 @@
 //! Markov chains over parameters.
 
 use super::Parameters;
+use super::walk::{Walk, chance, log_checked};
 use crate::error::{Error, Result};
-use crate::math::{Cholesky, Matrix, exp, ln};
 use crate::rng::{Purpose, Stream};
 
 /// Settings of [`particle_metropolis_hastings`].
@@ -69,9 +69,8 @@ impl<const K: usize> Chain<K> {
 /// algorithm of Metropolis and Hastings.
 ///
 /// In the burn-in the covariance of the steps and their size are fitted (Andrieu and Thoms, Statistics and
-/// Computing 18, 2008, algorithm 4, gains k^-0.6, acceptance of 0.44 for one parameter and 0.234 for more);
-/// then they stay. Each move hands another [`Stream`] to `log_likelihood`. -inf means impossible: return it
-/// where a model refuses the value.
+/// Computing 18, 2008, algorithm 4); then they stay. Each move hands another [`Stream`] to `log_likelihood`.
+/// -inf means impossible: return it where a model refuses the value.
 ///
 /// # Errors
 /// A start outside the prior or of likelihood zero, settings out of range, a log-likelihood that is NaN or
@@ -83,15 +82,9 @@ pub fn particle_metropolis_hastings<const K: usize>(
     stream: Stream,
     mut log_likelihood: impl FnMut(&[f64; K], Stream) -> Result<f64>,
 ) -> Result<Chain<K>> {
-    let first = Error::positive("first step of a chain", settings.first_step)?;
-    if settings.draws == 0 {
-        return Err(Error::OutOfRange {
-            what: "draws of a chain",
-            value: 0.0,
-            needs: "it must be above zero",
-        });
-    }
+    Error::positive("draws of a chain", settings.draws as f64)?;
     let mut at = parameters.free(&start)?;
+    let mut walk = Walk::new(at, settings.first_step)?;
     let mut likelihood = log_likelihood(&start, stream.fork(0))?;
     let (mut theta, stretch) = parameters.bound(&at);
     let mut height = Error::finite(
@@ -99,48 +92,27 @@ pub fn particle_metropolis_hastings<const K: usize>(
         likelihood + parameters.log_prior(&theta) + stretch,
     )?;
 
-    let target = if K == 1 { 0.44 } else { 0.234 };
-    let mut log_scale = ln(2.38 / (K as f64).sqrt());
-    // The first steps have the size asked for.
-    let unit = first / exp(log_scale);
-    let mut shape = Matrix::identity() * (unit * unit);
-    let mut centre = at;
-    let mut root = *Cholesky::of("covariance of the steps", &shape)?.factor();
-
     let (mut draws, mut log_likelihoods) =
         (Vec::with_capacity(settings.draws), Vec::with_capacity(settings.draws));
     let (mut accepted, mut impossible) = (0usize, 0);
     for k in 1..=settings.burn_in + settings.draws {
         let mut random = stream.draws(Purpose::Parameter, k as u64, 0);
-        let step = root * std::array::from_fn::<f64, K, _>(|_| random.normal());
-        let size = exp(log_scale);
-        let to: [f64; K] = std::array::from_fn(|i| at[i] + size * step[i]);
+        let to = walk.propose(&at, &mut random);
         let (proposed, stretch) = parameters.bound(&to);
         let prior = parameters.log_prior(&proposed) + stretch;
         let estimate = if prior > f64::NEG_INFINITY {
-            log_likelihood(&proposed, stream.fork(k as u64))?
+            log_checked(log_likelihood(&proposed, stream.fork(k as u64))?)?
         } else {
             f64::NEG_INFINITY
         };
-        if estimate.is_nan() || estimate == f64::INFINITY {
-            return Err(Error::NotFinite { what: "log-likelihood", value: estimate });
-        }
         let there = estimate + prior;
-        let chance = if there > f64::NEG_INFINITY { exp((there - height).min(0.0)) } else { 0.0 };
+        let chance = chance(there, height);
         let taken = random.uniform() < chance;
         if taken {
             (at, theta, height, likelihood) = (to, proposed, there, estimate);
         }
         if k <= settings.burn_in {
-            let gain = exp(-0.6 * ln(k as f64 + 1.0));
-            log_scale += gain * (chance - target);
-            let off: [f64; K] = std::array::from_fn(|i| at[i] - centre[i]);
-            centre = std::array::from_fn(|i| centre[i] + gain * off[i]);
-            shape = shape * (1.0 - gain) + Matrix::outer(&off, &off) * gain;
-            // A chain that has not moved yet has no shape to offer.
-            if let Ok(factor) = Cholesky::of("covariance of the steps", &shape) {
-                root = *factor.factor();
-            }
+            walk.learn(&at, chance);
         } else {
             accepted += usize::from(taken);
             impossible += usize::from(there == f64::NEG_INFINITY);

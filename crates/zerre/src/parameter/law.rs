@@ -6,7 +6,7 @@ use crate::rng::Draws;
 use std::f64::consts::TAU;
 
 /// The prior of one parameter. Its free coordinate is the value itself for a normal law, its logarithm for
-/// laws of positive numbers, and ln((x - low) / (high - x)) between borders.
+/// laws of positive numbers, and ln((x - low) / (high - x)) between borders (0 and 1 for a share).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Law {
@@ -45,6 +45,31 @@ pub enum Law {
         /// The scale.
         scale: f64,
     },
+    /// Beta, of mean `alpha` / (`alpha` + `beta`): for shares and probabilities.
+    Beta {
+        /// The first shape.
+        alpha: f64,
+        /// The second shape.
+        beta: f64,
+    },
+}
+
+/// ln of a gamma number of scale 1; small shapes make numbers too small to be held.
+fn log_gamma_draw(shape: f64, draws: &mut Draws) -> f64 {
+    if shape < 1.0 {
+        ln(draws.gamma(shape + 1.0)) + ln(draws.uniform()) / shape
+    } else {
+        ln(draws.gamma(shape))
+    }
+}
+
+/// The number between `low` and `high` whose share of the width has this log-odds, and ln of its derivative.
+fn between((low, high): (f64, f64), log_odds: f64) -> (f64, f64) {
+    // ln of the share of the width on either side, without the loss of 1 - share.
+    let (below, above) = (-Real::log_add_exp(0.0, -log_odds), -Real::log_add_exp(0.0, log_odds));
+    let width = high - low;
+    let x = if log_odds < 0.0 { low + width * exp(below) } else { high - width * exp(above) };
+    (x, ln(width) + below + above)
 }
 
 impl Law {
@@ -66,6 +91,10 @@ impl Law {
                 Error::positive("shape of a prior", shape)?;
                 Error::positive("scale of a prior", scale)?;
             }
+            Law::Beta { alpha, beta } => {
+                Error::positive("shape of a prior", alpha)?;
+                Error::positive("shape of a prior", beta)?;
+            }
         }
         Ok(())
     }
@@ -83,6 +112,10 @@ impl Law {
             Law::InverseGamma { shape, scale } if x > 0.0 => {
                 shape * ln(scale) - ln_gamma(shape) - (shape + 1.0) * ln(x) - scale / x
             }
+            Law::Beta { alpha: a, beta: b } if x > 0.0 && x < 1.0 => {
+                // 1 - x is exact where x is near 1.
+                (a - 1.0) * ln(x) + (b - 1.0) * ln(1.0 - x) + ln_gamma(a + b) - ln_gamma(a) - ln_gamma(b)
+            }
             _ => f64::NEG_INFINITY,
         }
     }
@@ -95,6 +128,10 @@ impl Law {
             Law::Uniform { low, high } => low + (high - low) * draws.uniform(),
             Law::Gamma { shape, scale } => scale * draws.gamma(shape),
             Law::InverseGamma { shape, scale } => scale / draws.gamma(shape),
+            Law::Beta { alpha, beta } => {
+                let log_odds = log_gamma_draw(alpha, draws) - log_gamma_draw(beta, draws);
+                between((0.0, 1.0), log_odds).0
+            }
         }
     }
 
@@ -104,6 +141,7 @@ impl Law {
             Law::Normal { .. } => x,
             Law::LogNormal { .. } | Law::Gamma { .. } | Law::InverseGamma { .. } => ln(x),
             Law::Uniform { low, high } => ln((x - low) / (high - x)),
+            Law::Beta { .. } => ln(x / (1.0 - x)),
         }
     }
 
@@ -112,13 +150,8 @@ impl Law {
         match *self {
             Law::Normal { .. } => (free, 0.0),
             Law::LogNormal { .. } | Law::Gamma { .. } | Law::InverseGamma { .. } => (exp(free), free),
-            Law::Uniform { low, high } => {
-                // ln of the share of the width on either side, without the loss of 1 - share.
-                let (below, above) = (-Real::log_add_exp(0.0, -free), -Real::log_add_exp(0.0, free));
-                let width = high - low;
-                let x = if free < 0.0 { low + width * exp(below) } else { high - width * exp(above) };
-                (x, ln(width) + below + above)
-            }
+            Law::Uniform { low, high } => between((low, high), free),
+            Law::Beta { .. } => between((0.0, 1.0), free),
         }
     }
 }

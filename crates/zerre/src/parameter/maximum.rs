@@ -1,9 +1,11 @@
 //! Maximum likelihood.
 
 use super::Parameters;
+use super::walk::log_checked;
 use crate::error::{Error, Result};
 use crate::math::simplex::{Search, climb};
 use crate::rng::Stream;
+use std::array::from_fn;
 
 /// Where a likelihood is largest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,13 +41,9 @@ pub fn maximum_likelihood<const K: usize>(
     mut log_likelihood: impl FnMut(&[f64; K], Stream) -> Result<f64>,
 ) -> Result<Maximum<K>> {
     let search = Search { first: 0.5, close: CLOSE, turns: TURNS };
-    let summit = climb(parameters.free(&start)?, search, |free| {
-        let value = log_likelihood(&parameters.bound(free).0, stream)?;
-        if value.is_nan() || value == f64::INFINITY {
-            return Err(Error::NotFinite { what: "log-likelihood", value });
-        }
-        Ok(value)
-    })?;
+    let theta = |free: &[f64]| parameters.bound(&from_fn(|k| free[k])).0;
+    let summit =
+        climb(&parameters.free(&start)?, search, |free| log_checked(log_likelihood(&theta(free), stream)?))?;
     let log_likelihood = Error::finite("log-likelihood around the start", summit.height)?;
-    Ok(Maximum { theta: parameters.bound(&summit.at).0, log_likelihood, evaluations: summit.evaluations })
+    Ok(Maximum { theta: theta(&summit.at), log_likelihood, evaluations: summit.evaluations })
 }

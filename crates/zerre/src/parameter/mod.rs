@@ -6,12 +6,19 @@
 //! unbiased with a particle filter.
 
 mod chain;
+mod gibbs;
 mod law;
 mod maximum;
+mod nested;
+mod online;
+mod walk;
 
 pub use chain::{Chain, ChainSettings, particle_metropolis_hastings};
+pub use gibbs::{ExactDraw, GibbsChain, GibbsSettings, GivenPath, particle_gibbs};
 pub use law::Law;
 pub use maximum::{Maximum, maximum_likelihood};
+pub use nested::{NestedSettings, NestedUpdate, SmcSquared};
+pub use online::{EmSettings, EmTrace, online_em};
 
 use crate::error::{Error, Result};
 use crate::filter::Filter;
@@ -32,6 +39,16 @@ pub fn log_likelihood<F: Filter, Z: Borrow<F::Measurement>>(
     data: &[(Time, Option<Z>)],
     stream: Stream,
 ) -> Result<f64> {
+    Ok(run(filter, start, data, stream)?.1)
+}
+
+/// The belief after all of `data`, or where a step was degenerate, and the log-likelihood.
+fn run<F: Filter, Z: Borrow<F::Measurement>>(
+    filter: &F,
+    start: Time,
+    data: &[(Time, Option<Z>)],
+    stream: Stream,
+) -> Result<(F::Belief, f64)> {
     let mut belief = filter.start(start, stream)?;
     let mut sum = 0.0;
     for (to, z) in data {
@@ -40,7 +57,7 @@ pub fn log_likelihood<F: Filter, Z: Borrow<F::Measurement>>(
             break;
         }
     }
-    Ok(sum)
+    Ok((belief, sum))
 }
 
 /// A parameter with what is known of it beforehand.

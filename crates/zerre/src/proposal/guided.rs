@@ -1,7 +1,7 @@
 //! Normal proposals that look at the measurement.
 
 use super::engine::{Engine, Models};
-use super::fit::{Fit, Given, affine, dot, is_robust, normal};
+use super::fit::{Fit, Given, affine, dot, normal};
 use crate::error::{Error, Result};
 use crate::kernels::{self, NoiseBlock, Propose, Simd};
 use crate::math::{Cholesky, Float, Matrix, Real, gaussian::LN_2PI, ln_gamma};
@@ -26,7 +26,11 @@ use std::array::from_fn;
 /// bound. A `defensive` share of the particles therefore takes noise of the motion's own law, and all weights
 /// are those of the mixture (Hesterberg, Technometrics 37, 1995): none exceeds the likelihood over the share.
 /// It is [`DEFENSIVE`] where the process noise is not normal or the sensor robust, and nothing elsewhere,
-/// unless it is set. Of a robust sensor the fit sees R, not the tails.
+/// unless it is set.
+///
+/// Of a robust sensor with noise v ~ N(0, s R) and random s, the fit of a particle takes the s that its
+/// distance from the measurement speaks for: a particle that faces an outlier stays where the motion takes
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guided<T, const M: usize> {
     transform: T,
@@ -115,6 +119,7 @@ where
         near: &[f64; N],
     ) -> Result<Self::Given<'a>> {
         let (noise, sensor) = (models.motion.noise(), models.sensor);
+        let heavy = sensor.is_heavy_tailed();
         let factor = Cholesky::of("covariance of the measurement", &Matrix(sensor.covariance()))?;
         let columns: [[f64; M]; M] = from_fn(|j| factor.whiten(&from_fn(|i| f64::from(u8::from(i == j)))));
         let law = match noise {
@@ -126,13 +131,14 @@ where
                 Law::Gamma { shape, constant: components as f64 * one, components }
             }
         };
-        let tails = noise != Noise::StandardNormal || is_robust(sensor);
+        let tails = noise != Noise::StandardNormal || heavy;
         let given = Given {
             z: sensor.components(z),
             whiten: Matrix(columns).transpose().0,
             noise: (noise.mean(), noise.variance().sqrt()),
             spread: self.transform.spread(W)?,
             passes: self.passes,
+            heavy,
             models,
         };
         if T::EXACT {

@@ -75,6 +75,8 @@ pub(crate) struct Scratch {
     copies: Vec<u32>,
     blocks: Vec<(Cumulative, usize)>,
     pairs: Vec<(f64, f64)>,
+    /// Boxes of the state space with their weights, where the number of draws depends on them.
+    pub(crate) bins: Vec<(u128, f64)>,
 }
 
 /// Resampling with memory that is used again: nothing is allocated after the first call of a size.
@@ -336,6 +338,11 @@ impl Scratch {
         room(&mut self.copies, rows);
         room(&mut self.blocks, rows.div_ceil(BLOCK));
         room(&mut self.pairs, rows.div_ceil(BLOCK));
+    }
+
+    /// Room for numbers that are of use until the next draw.
+    pub(crate) fn masses(&mut self) -> &mut Vec<f64> {
+        &mut self.cumulative
     }
 
     /// Block factors and sums as [`BlockWeights`] wants them.

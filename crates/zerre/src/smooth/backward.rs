@@ -94,7 +94,8 @@ impl<const N: usize> Paths<N> {
 ///
 /// # Errors
 /// An empty history, no paths or more than 2^26; a motion without [`TransitionDensity`]; a state that no
-/// particle before it leads to (the history is of another motion).
+/// particle before it leads to (the history is of another motion); by moves, and where no time passes, a
+/// filter that does not say whom its particles come from.
 pub fn backward_paths<A, const N: usize, const W: usize>(
     motion: &A,
     history: &History<N>,
@@ -160,7 +161,7 @@ impl<A, const N: usize> Walk<'_, A, N> {
             let record = self.history.get(k)?;
             let (now, after) = particles[k * count..].split_at_mut(count);
             let density = if k + 1 == instants {
-                tables.guide.fill(&record.weights);
+                tables.choose_from(record);
                 None
             } else {
                 tables.prepare(self.motion, record, next)?
@@ -169,7 +170,7 @@ impl<A, const N: usize> Walk<'_, A, N> {
             for (j, particle) in now.iter_mut().enumerate() {
                 let mut draws = self.stream.draws(Purpose::Path, k as u64, (paths.start + j) as u32);
                 let at = match (after.get(j), &density) {
-                    (None, _) => tables.guide.pick(draws.uniform()),
+                    (None, _) => tables.pick(draws.uniform()),
                     // Nothing moved in between.
                     (Some(&next), None) => record.parent(next as usize),
                     (Some(&next), Some(density)) => {
@@ -228,6 +229,7 @@ impl<const N: usize> Tables<N> {
         to: Time,
     ) -> Result<Option<TransitionDensity<A, N, W>>> {
         if to == record.time {
+            record.has_children()?;
             return Ok(None);
         }
         let density = TransitionDensity::over(motion, record.time, to, &record.mean())?;
@@ -239,6 +241,16 @@ impl<const N: usize> Tables<N> {
         kernels::centres(self.simd, &density, &states, &mut self.centres.each_mut().map(Vec::as_mut_slice));
         self.guide.fill(&record.weights);
         Ok(Some(density))
+    }
+
+    /// Prepares [`Tables::pick`] for the weights of `record`.
+    pub(super) fn choose_from(&mut self, record: &Record<N>) {
+        self.guide.fill(&record.weights);
+    }
+
+    /// The particle that a uniform number chooses by weight, of the record that was prepared.
+    pub(super) fn pick(&self, uniform: f64) -> usize {
+        self.guide.pick(uniform)
     }
 
     /// Draws the particle of `record` that a path passes before `to`; `parent` is the one that the filter led
@@ -270,6 +282,7 @@ impl<const N: usize> Tables<N> {
                 self.sum(density, record, to, draws)
             }
             Backward::Moves { count } => {
+                record.has_children()?;
                 let mut at = (parent, log_density(parent));
                 for _ in 0..count {
                     let i = self.guide.pick(draws.uniform());

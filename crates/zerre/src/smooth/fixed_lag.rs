@@ -11,13 +11,16 @@ impl<const N: usize> History<N> {
     /// filter.
     ///
     /// # Errors
-    /// [`Error::Shape`](crate::Error::Shape) where there are not so many records.
+    /// [`Error::Shape`](crate::Error::Shape) where there are not so many records;
+    /// [`Error::Unsupported`](crate::Error::Unsupported) where the filter does not say whom its particles
+    /// come from.
     pub fn lagged(&self, lag: usize) -> Result<Smoothed<N>> {
         self.get(lag)?;
         let (last, at) = (self.get(self.len() - 1)?, self.len() - 1 - lag);
         let mut ancestors: Vec<usize> = (0..last.weights.len()).collect();
         for k in (at..self.len() - 1).rev() {
             let record = self.get(k)?;
+            record.has_children()?;
             ancestors.iter_mut().for_each(|a| *a = record.parent(*a));
         }
         let record = self.get(at)?;

@@ -1,6 +1,6 @@
 //! What a particle filter leaves behind: its clouds and who came from whom.
 
-use crate::belief::{Cloud, Gaussian, level_checked, quantiles_of};
+use crate::belief::{Cloud, Gaussian, Lineage, level_checked, quantiles_of};
 use crate::error::{Error, Result};
 use crate::math::Matrix;
 use crate::time::Time;
@@ -8,7 +8,9 @@ use std::array::from_fn;
 use std::collections::VecDeque;
 
 /// The clouds of a [`ParticleFilter`](crate::filter::ParticleFilter) after each of its steps, predictions
-/// included, each with the weights that its particles had before resampling: what smoothers work on.
+/// included, each with the weights that its particles had before resampling: what smoothers work on. Clouds
+/// of other filters are taken in as well: filters that look ahead or move their particles say whom each comes
+/// from, and where a filter does not (an [`Ensemble`](crate::filter::Ensemble)), what needs to know refuses.
 #[derive(Clone, Debug, Default)]
 pub struct History<const N: usize> {
     records: VecDeque<Record<N>>,
@@ -23,9 +25,11 @@ pub(super) struct Record<const N: usize> {
     pub(super) states: [Vec<f64>; N],
     /// Normalised.
     pub(super) weights: Vec<f64>,
-    /// Whom each particle of the next record comes from; the particle of its own number unless `resampled`.
-    survivors: Vec<u32>,
-    resampled: bool,
+    /// Whom each particle of the next record comes from (until there is one: each survivor of a resampling);
+    /// empty where it is the particle of its own number.
+    parents: Vec<u32>,
+    /// Whether the particles of the next record come from none of these.
+    is_childless: bool,
 }
 
 impl<const N: usize> History<N> {
@@ -46,37 +50,42 @@ impl<const N: usize> History<N> {
     /// Takes in the cloud after a step (and the one before the first). Several steps at one instant are fine.
     ///
     /// # Errors
-    /// A step back in time, another number of particles than before, a cloud whose particles are all lost.
-    /// The history is then as it was.
+    /// A step back in time, another number of particles than the last cloud leads to, a cloud whose particles
+    /// are all lost. The history is then as it was.
     pub fn record(&mut self, cloud: &Cloud<N>) -> Result<()> {
         if let Some(last) = self.records.back() {
             if cloud.time < last.time {
                 return Err(Error::OutOfOrder { from: last.time, to: cloud.time });
             }
-            if cloud.len() != last.weights.len() {
-                let (found, expected) = (cloud.len(), last.weights.len());
+            let expected = match cloud.lineage {
+                Lineage::Numbers if last.parents.is_empty() => last.weights.len(),
+                Lineage::Numbers => last.parents.len(),
+                Lineage::Ancestors => cloud.ancestors.len(),
+                Lineage::Lost => cloud.len(),
+            };
+            let found = cloud.len();
+            if found != expected {
                 return Err(Error::Shape { what: "particles of a recorded cloud", found, expected });
             }
         }
         Error::positive("sum of the recorded weights", cloud.weights().sum())?;
+        if let Some(last) = self.records.back_mut() {
+            last.is_childless = cloud.lineage == Lineage::Lost;
+            if cloud.lineage == Lineage::Ancestors {
+                last.descend(&cloud.ancestors);
+            }
+        }
         let oldest = if self.window == Some(self.records.len()) { self.records.pop_front() } else { None };
-        let mut record = oldest.unwrap_or_else(|| Record {
-            time: cloud.time,
-            states: from_fn(|_| Vec::new()),
-            weights: Vec::new(),
-            survivors: Vec::new(),
-            resampled: false,
-        });
+        let mut record = oldest.unwrap_or_else(|| Record::first(cloud.time, from_fn(|_| Vec::new())));
         record.time = cloud.time;
         for (column, from) in record.states.iter_mut().zip(&cloud.states) {
             column.clone_from(from);
         }
         record.weights.clear();
         record.weights.extend(cloud.weights());
-        record.resampled = cloud.pending;
-        record.survivors.clear();
+        record.parents.clear();
         if cloud.pending {
-            record.survivors.extend_from_slice(&cloud.ancestors);
+            record.parents.extend_from_slice(&cloud.ancestors);
         }
         self.records.push_back(record);
         Ok(())
@@ -104,9 +113,44 @@ impl<const N: usize> History<N> {
 }
 
 impl<const N: usize> Record<N> {
+    /// Equally weighted particles.
+    pub(super) fn first(time: Time, states: [Vec<f64>; N]) -> Self {
+        let n = states.first().map_or(0, Vec::len);
+        Record { time, states, weights: vec![1.0 / n as f64; n], parents: Vec::new(), is_childless: false }
+    }
+
+    /// What follows this record: states and weights at a time, from the particles that `parents` names or
+    /// from those of the same number.
+    pub(super) fn next(
+        &mut self,
+        parents: Option<Vec<u32>>,
+        (time, states, weights): (Time, [Vec<f64>; N], Vec<f64>),
+    ) -> Self {
+        self.parents = parents.unwrap_or_default();
+        Record { time, states, weights, parents: Vec::new(), is_childless: false }
+    }
+
+    /// Each particle to come descends from one of those that would have followed.
+    fn descend(&mut self, ancestors: &[u32]) {
+        if self.parents.is_empty() {
+            self.parents.extend_from_slice(ancestors);
+        } else {
+            self.parents = ancestors.iter().map(|&a| self.parents[a as usize]).collect();
+        }
+    }
+
     /// The particle that particle `i` of the next record comes from.
     pub(super) fn parent(&self, i: usize) -> usize {
-        if self.resampled { self.survivors[i] as usize } else { i }
+        self.parents.get(i).map_or(i, |&parent| parent as usize)
+    }
+
+    /// Refuses where the particles of the next record have no parents here.
+    pub(super) fn has_children(&self) -> Result<()> {
+        if !self.is_childless {
+            return Ok(());
+        }
+        let why = format!("the filter does not say whom its particles after {} s come from", self.time);
+        Err(Error::Unsupported(why))
     }
 
     pub(super) fn state(&self, i: usize) -> [f64; N] {

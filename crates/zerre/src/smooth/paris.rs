@@ -74,6 +74,18 @@ impl<const N: usize, const K: usize> Paris<N, K> {
         &mut self,
         motion: &A,
         cloud: &Cloud<N>,
+        term: impl FnMut(&PathStep<N>) -> [f64; K],
+    ) -> Result<()> {
+        self.mix(motion, cloud, (1.0, 1.0), term)
+    }
+
+    /// The same for sums in which what there was counts `kept` and the new term `gain`: with 1 - g and g they
+    /// are averages that forget.
+    pub(crate) fn mix<A: Motion<N, W>, const W: usize>(
+        &mut self,
+        motion: &A,
+        cloud: &Cloud<N>,
+        (kept, gain): (f64, f64),
         mut term: impl FnMut(&PathStep<N>) -> [f64; K],
     ) -> Result<()> {
         self.history.record(cloud)?;
@@ -95,7 +107,7 @@ impl<const N: usize, const K: usize> Paris<N, K> {
                     PathStep { from: before.time, before: before.state(from), to: after.time, after: to };
                 let term = term(&step);
                 for k in 0..K {
-                    mean[k] += (self.sums[from][k] + term[k]) / f64::from(count);
+                    mean[k] += (kept * self.sums[from][k] + gain * term[k]) / f64::from(count);
                 }
             }
             self.spare.push(finite(mean)?);

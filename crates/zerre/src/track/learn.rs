@@ -12,6 +12,7 @@ use super::spec::{Engine, TrackerSpec};
 use super::tail::Robust;
 use crate::error::{Error, Result};
 use crate::filter::Outcome;
+use crate::math::simplex::{Search, climb};
 use crate::math::{exp, ln};
 use crate::model::Motion;
 use serde::{Deserialize, Serialize};
@@ -193,7 +194,7 @@ fn search(
             }
         }
     }
-    Ok(climb_from(best.1, &start, &evidence))
+    climb_from(&best.1, &start, &evidence)
 }
 
 /// The same for a filter with modes.
@@ -235,7 +236,7 @@ fn search_modes(
             best = (value, logs);
         }
     }
-    Ok(climb_from(best.1, &start, &evidence))
+    climb_from(&best.1, &start, &evidence)
 }
 
 /// Where the search starts.
@@ -258,15 +259,18 @@ fn evidence_of(
 }
 
 /// The highest evidence near `from`, not too far from the sizes of the things.
-fn climb_from(from: Vec<f64>, sizes: &[f64], evidence: &dyn Fn(&[f64]) -> Result<f64>) -> (f64, Vec<f64>) {
+fn climb_from(
+    from: &[f64],
+    sizes: &[f64],
+    evidence: &dyn Fn(&[f64]) -> Result<f64>,
+) -> Result<(f64, Vec<f64>)> {
     // Numbers without any scatter (made ones) would drive the noises to zero.
     let far = |logs: &[f64]| logs.iter().zip(sizes).any(|(log, size)| (log - size).abs() > WIDEST);
-    climb(
-        from,
-        |logs| {
-            if far(logs) { f64::NEG_INFINITY } else { evidence(logs).unwrap_or(f64::NEG_INFINITY) }
-        },
-    )
+    let search = Search { first: 0.5, close: CLOSE, turns: MOST_TURNS };
+    let summit = climb(from, search, |logs| {
+        Ok(if far(logs) { f64::NEG_INFINITY } else { evidence(logs).unwrap_or(f64::NEG_INFINITY) })
+    })?;
+    Ok((summit.height, summit.at))
 }
 
 /// Three digits: more are not known, and fewer are easier to read and to write down.
@@ -426,56 +430,3 @@ const WIDEST: f64 = 17.0;
 const MOST_TURNS: usize = 60;
 /// Logarithms closer than this differ by less than one per cent: nothing that can be known.
 const CLOSE: f64 = 0.01;
-
-/// The highest point of `height` near `start`, and its height.
-fn climb(start: Vec<f64>, height: impl Fn(&[f64]) -> f64) -> (f64, Vec<f64>) {
-    let n = start.len();
-    let mut corners: Vec<(f64, Vec<f64>)> = (0..=n)
-        .map(|i| {
-            let mut corner = start.clone();
-            if let Some(x) = i.checked_sub(1).and_then(|i| corner.get_mut(i)) {
-                *x += 0.5;
-            }
-            (height(&corner), corner)
-        })
-        .collect();
-    for _ in 0..MOST_TURNS {
-        corners.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let spread = (0..n)
-            .map(|k| corners.iter().map(|c| (c.1[k] - corners[0].1[k]).abs()).fold(0.0, f64::max))
-            .fold(0.0, f64::max);
-        if spread < CLOSE {
-            break;
-        }
-        let centre: Vec<f64> =
-            (0..n).map(|k| corners[..n].iter().map(|c| c.1[k]).sum::<f64>() / n as f64).collect();
-        let along = |t: f64| -> (f64, Vec<f64>) {
-            let point: Vec<f64> =
-                centre.iter().zip(&corners[n].1).map(|(c, worst)| c + t * (worst - c)).collect();
-            (height(&point), point)
-        };
-        let reflected = along(-1.0);
-        let better = if reflected.0 > corners[0].0 {
-            let expanded = along(-2.0);
-            if expanded.0 > reflected.0 { expanded } else { reflected }
-        } else if reflected.0 > corners[n - 1].0 {
-            reflected
-        } else {
-            let contracted = along(if reflected.0 > corners[n].0 { -0.5 } else { 0.5 });
-            if contracted.0 <= corners[n].0.max(reflected.0) {
-                let best = corners[0].1.clone();
-                for corner in &mut corners[1..] {
-                    for (x, b) in corner.1.iter_mut().zip(&best) {
-                        *x = 0.5 * (*x + b);
-                    }
-                    corner.0 = height(&corner.1);
-                }
-                continue;
-            }
-            contracted
-        };
-        corners[n] = better;
-    }
-    corners.sort_by(|a, b| b.0.total_cmp(&a.0));
-    corners.swap_remove(0)
-}

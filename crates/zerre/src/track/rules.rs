@@ -12,7 +12,7 @@ use crate::belief::{Cloud, Gaussian, GaussianBelief, Hypotheses, Hypothesis, Mod
 use crate::error::{Error, Result};
 use crate::filter::{
     Filter, GaussianFilter, ImmParticle, Linear, ModalSettings, MultipleModel, ParticleFilter, Prior,
-    Rejuvenation, Settings, Tangent, Transform, Update, check_hypotheses, predict_measurement,
+    Rejuvenation, Settings, Size, Tangent, Transform, Update, check_hypotheses, predict_measurement,
     step_hypotheses, step_modes,
 };
 use crate::math::gaussian::LN_2PI;
@@ -81,8 +81,17 @@ where
         if self.kind.form == Form::Cloud {
             let trigger = if filter.name == "sis" { Trigger::Never } else { filter.trigger };
             let (rejuvenation, lookahead) = (Rejuvenation::Roughen(filter.roughening), None);
-            let settings =
-                Settings { particles, resampling, trigger, rejuvenation, lookahead, noise, simd, threads };
+            let settings = Settings {
+                particles,
+                size: Size::Fixed,
+                resampling,
+                trigger,
+                rejuvenation,
+                lookahead,
+                noise,
+                simd,
+                threads,
+            };
             return ParticleFilter::new(prior, self.motion.clone(), sensors, settings).map(Finally::Cloud);
         }
         let Some(Modes { model, .. }) = &self.modes else { return Ok(Finally::Gaussian) };
@@ -162,7 +171,8 @@ where
             }
             (Finally::Hypotheses(_), Belief::Modal(law)) => {
                 let each = law.probabilities().iter().enumerate();
-                let all = each.map(|(mode, &weight)| Hypothesis { mode, weight, law: *law.mode(mode) });
+                let all =
+                    each.map(|(mode, &weight)| Hypothesis { label: mode, weight, law: *law.mode(mode) });
                 Belief::Hypotheses(Hypotheses::new(law.time(), stream, law.len(), all.collect())?)
             }
             (Finally::EveryMode(filter), Belief::Modal(law)) => {

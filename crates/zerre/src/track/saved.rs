@@ -115,7 +115,7 @@ impl SavedBelief {
                 stream: belief.stream,
                 step: belief.step,
                 modes: belief.modes,
-                all: belief.iter().map(|h| (h.mode, SavedPart::of(h.weight, &h.law))).collect(),
+                all: belief.iter().map(|h| (h.label, SavedPart::of(h.weight, &h.law))).collect(),
             },
             Belief::Cloud(cloud) => SavedBelief::Cloud(cloud.saved()),
             Belief::EveryMode(belief) => SavedBelief::EveryMode(belief.saved()),
@@ -135,7 +135,11 @@ impl SavedBelief {
             }
             SavedBelief::Hypotheses { time, stream, step, modes, all } => {
                 let hypothesis = |(mode, part): (usize, SavedPart)| {
-                    Ok(Hypothesis { mode, weight: part.probability, law: law(part.mean, part.covariance)? })
+                    Ok(Hypothesis {
+                        label: mode,
+                        weight: part.probability,
+                        law: law(part.mean, part.covariance)?,
+                    })
                 };
                 let all = all.into_iter().map(hypothesis).collect::<Result<_>>()?;
                 Belief::Hypotheses(Hypotheses { step, ..Hypotheses::new(time, stream, modes, all)? })

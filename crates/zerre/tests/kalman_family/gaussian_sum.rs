@@ -23,7 +23,7 @@ fn mixture(parts: &[(f64, f64, f64)]) -> Hypotheses<1> {
     let sum: f64 = parts.iter().map(|p| p.0).sum();
     let part = |&(weight, mean, variance): &(f64, f64, f64)| {
         let law = Gaussian::new([mean], Matrix([[variance]])).unwrap();
-        Hypothesis { mode: 0, weight: weight / sum, law }
+        Hypothesis { label: 0, weight: weight / sum, law }
     };
     Hypotheses::new(Time::ZERO, Stream::new(1), 1, parts.iter().map(part).collect()).unwrap()
 }
@@ -294,7 +294,7 @@ fn borders() {
     assert!(with(|s| s.prune = 1.0).is_err() && with(|s| s.merge = f64::NAN).is_err());
     let filter = with(|s| s.parts = 1).unwrap().with_gate(0.99).unwrap();
     assert!(filter.clone().with_gate(1.0).is_err());
-    let two = Hypothesis { mode: 1, weight: 1.0, law: prior() };
+    let two = Hypothesis { label: 1, weight: 1.0, law: prior() };
     let mut two = Hypotheses::new(Time::ZERO, Stream::new(1), 2, vec![two]).unwrap();
     assert!(filter.advance(&mut two, Time::ZERO, None).is_err());
 

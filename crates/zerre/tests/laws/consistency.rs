@@ -3,8 +3,8 @@
 //! Over independent runs, each with a target of its own, the normalised error squared of the last step (NEES) sums up
 //! to a chi-square number of 4 degrees of freedom per run, the normalised innovations squared (NIS) to one of 2 per
 //! measurement, and 95 % of the targets lie inside the 95 % ellipsoid. Bounds are two-sided quantiles that a right
-//! filter misses with probability `MISS` each: some 75 filters on two worlds with three numbers make 450
-//! comparisons, so all of them hold with probability 0.9995.
+//! filter misses with probability `MISS` each: some 90 filters on two worlds with three numbers make 540
+//! comparisons, so all of them hold with probability 0.9994.
 //!
 //! A mean of as many independent particles as the ESS says errs by P / ESS more, and the inverse of their covariance
 //! is too large by ESS / (ESS - 5) (inverse Wishart law, 4 components): NEES is divided by both, with at least 10 for

@@ -4,7 +4,7 @@ use crate::list::{Means, RESAMPLINGS, UnderLaw, filters};
 use crate::{Verdict, uphold, worlds};
 use zerre::Time;
 use zerre::belief::Cloud;
-use zerre::filter::{Filter, ParticleFilter, Settings};
+use zerre::filter::{Boxes, Filter, Kld, ParticleFilter, Settings, Size};
 use zerre::kernels::{Simd, Threads};
 use zerre::model::measurement::Position;
 use zerre::model::{Likelihood, Measurement};
@@ -93,6 +93,20 @@ fn every_resampler_on_every_number_of_threads() {
                 (name, indifferent_to_threads(sensor, &settings, 3))
             })
         }));
+    }
+}
+
+#[test]
+fn changing_numbers_on_every_number_of_threads() {
+    let sensor = || worlds::linear(1.0).sensor;
+    let kld = Kld::new(0.01, 0.99, Boxes::Deviations(1.0), 5000, 30_000).unwrap();
+    let recorded = vec![20_001, 3000, 9000, 9000, 30_000];
+    for size in [Size::Kld(kld), Size::Recorded(recorded)] {
+        for lookahead in [None, Some(1.0)] {
+            let size = size.clone();
+            let settings = Settings { particles: 20_001, size, lookahead, ..Settings::default() };
+            indifferent_to_threads(sensor, &settings, 5).unwrap();
+        }
     }
 }
 

@@ -77,8 +77,17 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
     let particle = |noise, resampling, trigger, rejuvenation| {
         let Means { particles, simd, ref threads } = *means;
         let (threads, lookahead) = (threads.clone(), None);
-        let settings =
-            Settings { particles, resampling, trigger, rejuvenation, lookahead, noise, simd, threads };
+        let settings = Settings {
+            particles,
+            resampling,
+            trigger,
+            rejuvenation,
+            lookahead,
+            noise,
+            simd,
+            threads,
+            ..Settings::default()
+        };
         ParticleFilter::new(prior, motion, sensor, settings).unwrap()
     };
     let mut list = vec![
@@ -123,6 +132,7 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
         }
     }
     list.extend(crate::list_modes_gaussian::filters(world));
+    list.extend(crate::list_latent::filters(world, means));
     list.extend(crate::list_moves::filters(world, means));
     list.extend(crate::list_deterministic::filters(world, means));
     let default = NoiseSource::default();
@@ -141,6 +151,7 @@ pub fn filters<H: Sensor>(world: &World<H>, means: &Means) -> Vec<Entry> {
         selecting.with_selection(Wsms { threshold_range: (0.035, 3.0), ..Wsms::default() }).unwrap();
     list.push(entry("multiple model, one selected (Ucar)", Class::Reproduction, selecting));
     list.extend(crate::list_guided::filters(world, means));
+    list.extend(crate::list_sizes::filters(world, means));
     list
 }
 

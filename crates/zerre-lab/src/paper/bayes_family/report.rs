@@ -192,7 +192,7 @@ impl Results<'_> {
             "failed runs",
             "µs a step",
         ];
-        let rows = self.cells.iter().filter(|(cell, _)| cell.world == at).map(|(cell, evaluations)| {
+        let rows = self.cells.keys().filter(|cell| cell.world == at).map(|cell| {
             let found = self.measured(cell);
             let mut name = Shown::from(self.named(cell).as_str());
             if truth == Some(*cell) {
@@ -202,7 +202,7 @@ impl Results<'_> {
                 name.aside = "does not apply".to_owned();
                 name.doubt = Some(reason.to_owned());
             }
-            let mut row = vec![name, evaluations.to_string().as_str().into()];
+            let mut row = vec![name, self.evaluations(cell).to_string().as_str().into()];
             row.extend(
                 [
                     found.rmse,
@@ -229,8 +229,7 @@ impl Results<'_> {
             figures: vec![
                 self.price(at, "time of a step (µs)", &|_, found| found.microseconds.map(|e| e.value)),
                 {
-                    let evaluations =
-                        |cell: &Cell, _: &Measured| self.cells.get(cell).map(|count| *count as f64);
+                    let evaluations = |cell: &Cell, _: &Measured| Some(self.evaluations(cell) as f64);
                     self.price(at, "likelihood evaluations a step", &evaluations)
                 },
             ]

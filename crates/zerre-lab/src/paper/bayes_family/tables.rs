@@ -2,7 +2,7 @@
 
 use super::settings::{LOST_NATS, LOST_SDS, WORLDS};
 use super::{Cell, Request, place_of};
-use crate::study::contender::{Fate, Run};
+use crate::study::contender::{Fate, Run, evaluations_of};
 use crate::study::interval::{Bootstraps, Estimate, mean, median};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
@@ -88,6 +88,12 @@ impl<'a> Results<'a> {
         self.outcomes.get(cell).map_or(&[], Fate::runs)
     }
 
+    /// Likelihood evaluations a step of a cell.
+    pub(super) fn evaluations(&self, cell: &Cell) -> usize {
+        let planned = self.cells.get(cell).copied().unwrap_or_default();
+        evaluations_of(cell.info().name, planned, self.runs(cell).iter())
+    }
+
     /// Why a filter has no runs.
     pub(super) fn refusal(&self, cell: &Cell) -> Option<&'a str> {
         self.outcomes.get(cell)?.refusal()
@@ -141,7 +147,7 @@ impl<'a> Results<'a> {
     /// Every number of every cell, in the order of the cells.
     pub fn rows(&self) -> Vec<Row> {
         let mut rows = Vec::new();
-        for (cell, evaluations) in self.cells {
+        for cell in self.cells.keys() {
             let truth = Cell::truth(cell.world) == Some(*cell);
             let found = self.measured(cell);
             let runs = self.runs(cell).len();
@@ -161,7 +167,7 @@ impl<'a> Results<'a> {
                 rows.push(Row {
                     world: WORLDS[cell.world],
                     filter: cell.info().name,
-                    evaluations: *evaluations,
+                    evaluations: self.evaluations(cell),
                     particles: cell.particles,
                     setting: "default",
                     truth,
@@ -239,12 +245,12 @@ impl<'a> Results<'a> {
         for name in columns {
             head.extend([name.to_owned(), format!("{name}_low"), format!("{name}_high")]);
         }
-        let rows = self.cells.iter().filter(|(cell, _)| cell.world == world).map(|(cell, evaluations)| {
+        let rows = self.cells.keys().filter(|cell| cell.world == world).map(|cell| {
             let found = self.measured(cell);
             let truth = Cell::truth(world) == Some(*cell);
             let mut row: Vec<Entry> = vec![
                 cell.info().name.into(),
-                (*evaluations).into(),
+                self.evaluations(cell).into(),
                 cell.particles.into(),
                 if truth { "yes" } else { "no" }.into(),
                 self.refusal(cell).map_or(Entry::Missing, Entry::from),

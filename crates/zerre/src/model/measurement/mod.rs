@@ -7,6 +7,7 @@
 
 mod bearing_only;
 mod binomial_logit;
+mod conditioned;
 mod growth;
 mod linear;
 mod position;
@@ -20,6 +21,7 @@ mod upf_growth;
 
 pub use bearing_only::{BearingOnly, BearingOnlyGiven};
 pub use binomial_logit::{BinomialLogit, BinomialLogitGiven};
+pub use conditioned::{Conditioned, ConditionedGiven};
 pub use growth::{Growth, GrowthGiven};
 pub use linear::{Linear, LinearGiven};
 pub use position::{Position, PositionGiven};

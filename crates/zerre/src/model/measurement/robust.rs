@@ -142,17 +142,16 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
         self.sensor.covariance()
     }
 
-    fn covariance_scale(&self, mahalanobis_squared: f64) -> f64 {
+    #[inline(always)]
+    fn covariance_scale<R: Real>(&self, mahalanobis_squared: R) -> R {
+        let one = mahalanobis_squared.constant(1.0);
         match self.law {
-            Law::Normal => 1.0,
-            Law::StudentT { dof } => (dof + mahalanobis_squared) / (dof + M as f64),
+            Law::Normal => one,
+            Law::StudentT { dof } => (mahalanobis_squared + dof) / (dof + M as f64),
             // 1 / (p + (1 - p) / scale^2), where p is the posterior probability of an ordinary value.
             Law::Outliers { probability, scale } => {
-                let per_scale2 = 1.0 / (scale * scale);
-                let log_odds = Real::ln(probability / (1.0 - probability)) - M as f64 * Real::ln(scale)
-                    + 0.5 * mahalanobis_squared * (1.0 - per_scale2);
-                let ordinary = 1.0 / (1.0 + Real::exp(log_odds));
-                1.0 / (ordinary + (1.0 - ordinary) * per_scale2)
+                let ordinary = ordinary::<R, M>(probability, scale, mahalanobis_squared);
+                one / (ordinary + (one - ordinary) * (1.0 / (scale * scale)))
             }
         }
     }
@@ -170,6 +169,47 @@ impl<const N: usize, const M: usize, H: GaussianMeasurement<N, M>> GaussianMeasu
             }
         }
     }
+
+    fn propose_covariance_scale(&self, mahalanobis_squared: f64, draws: &mut Draws) -> (f64, f64) {
+        if !mahalanobis_squared.is_finite() {
+            return (<Self as GaussianMeasurement<N, M>>::draw_covariance_scale(self, draws), 1.0);
+        }
+        match self.law {
+            Law::Normal => (1.0, 1.0),
+            // 1 / s given the residual is Gamma((nu + M) / 2, (nu + d^2) / 2).
+            Law::StudentT { dof } => {
+                let (shape, half_m) = (0.5 * dof, 0.5 * M as f64);
+                let rate = 0.5 * (dof + mahalanobis_squared);
+                let precision = if draws.uniform() < 0.5 {
+                    draws.gamma(shape) / shape
+                } else {
+                    draws.gamma(shape + half_m) / rate
+                };
+                let log_ratio = shape * ln_1p(mahalanobis_squared / dof)
+                    - 0.5 * mahalanobis_squared * precision
+                    + half_m * (Real::ln(rate) + Real::ln(precision))
+                    - ln_gamma_step(shape, M);
+                (1.0 / precision, 2.0 / (1.0 + Real::exp(log_ratio)))
+            }
+            Law::Outliers { probability, scale } => {
+                let posterior = 1.0 - ordinary::<f64, M>(probability, scale, mahalanobis_squared);
+                let proposed = 0.5 * (probability + posterior);
+                if draws.uniform() < proposed {
+                    (scale * scale, probability / proposed)
+                } else {
+                    (1.0, (1.0 - probability) / (1.0 - proposed))
+                }
+            }
+        }
+    }
+}
+
+/// The posterior probability that a value at this distance is no outlier.
+#[inline(always)]
+fn ordinary<R: Real, const M: usize>(probability: f64, scale: f64, mahalanobis_squared: R) -> R {
+    let log_odds = mahalanobis_squared * 0.5 * (1.0 - 1.0 / (scale * scale))
+        + (Real::ln(probability / (1.0 - probability)) - M as f64 * Real::ln(scale));
+    mahalanobis_squared.constant(1.0) / (log_odds.exp() + 1.0)
 }
 
 /// Any sensor, of which some values say nothing: p(z | x) = (1 - e) p_sensor(z | x) + e u with a constant density u,

@@ -1,44 +1,17 @@
-//! Static parameters: the variances of a local level model of the Nile's flow, against quadrature.
+//! Chains and maxima of the likelihood.
 
-mod common;
-
-use common::recording;
+use crate::law::laws;
+use crate::{agrees, exact, nile, quadrature, variances};
 use std::cell::Cell;
 use zerre::belief::Gaussian;
-use zerre::filter::{Filter, Kalman, ParticleFilter, Settings};
+use zerre::filter::{ParticleFilter, Settings};
 use zerre::math::Matrix;
 use zerre::model::{measurement::Position, motion::RandomWalk};
 use zerre::parameter::{
-    Chain, ChainSettings, Law, Parameters, log_likelihood, maximum_likelihood, particle_metropolis_hastings,
+    ChainSettings, Law, Parameters, log_likelihood, maximum_likelihood, particle_metropolis_hastings,
 };
 use zerre::rng::{Purpose, Stream};
-use zerre::{Error, Result, Time};
-
-type Data = Vec<(Time, Option<[f64; 1]>)>;
-
-/// Yearly flow at Aswan, 1871 to 1970, in 1e8 m^3, a year counting as a second.
-fn nile() -> Option<Data> {
-    let text = std::fs::read_to_string(recording("smc_timeseries/nile.csv")?).unwrap();
-    let flow = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
-    let rows = text.lines().skip(1).zip(1..);
-    Some(rows.map(|(line, k)| (Time::from_secs(f64::from(k)), Some([flow(line)]))).collect())
-}
-
-/// What of the flow a year's noise is, and how far the level wanders in a year: standard deviations.
-fn kalman(theta: &[f64; 2], first: f64) -> Result<impl Filter<Measurement = [f64; 1]>> {
-    let prior = Gaussian::new([if first > 1e6 { 0.0 } else { 1000.0 }], Matrix([[first]]))?;
-    Kalman::new(RandomWalk::<1>::new(theta[1])?, Position::<1>::new(theta[0].sqrt())?, prior)
-}
-
-fn exact(data: &Data, theta: &[f64; 2], first: f64) -> Result<f64> {
-    log_likelihood(&kalman(theta, first)?, Time::from_secs(1.0), data, Stream::new(0))
-}
-
-/// The two variances, each within a factor of about three of what the literature has.
-fn variances() -> Parameters<2> {
-    let noise = Law::LogNormal { median: 15_000.0, sd: 1.0 };
-    Parameters::new([("noise", noise), ("level", Law::InverseGamma { shape: 2.0, scale: 2000.0 })]).unwrap()
-}
+use zerre::{Error, Time};
 
 /// Durbin and Koopman (2012, section 2.10.3) print 15 099 and 1 469.1 for a diffuse start. Here the level has
 /// a variance of 1e7 at first, which moves the maximum by less than a thousandth; the likelihood, flat there,
@@ -56,47 +29,12 @@ fn the_maximum_is_the_published_one() {
     assert!(best.log_likelihood >= exact(&data, &printed, 1e7).unwrap());
 }
 
-/// Posterior means and standard deviations of ln of both variances by a product rule over ten posterior
-/// standard deviations, a tenth of one apart: exact to many digits for so smooth a function.
-fn quadrature(data: &Data) -> [f64; 4] {
-    let parameters = variances();
-    let (mut weights, mut sums) = (0.0, [0.0; 4]);
-    for i in 0..80 {
-        for j in 0..80 {
-            let u = [9.6 + 0.025 * (f64::from(i) - 40.0), 7.3 + 0.08 * (f64::from(j) - 40.0)];
-            let theta = u.map(f64::exp);
-            // The density of the logarithms has the variances as a factor.
-            let log = exact(data, &theta, 4e4).unwrap() + parameters.log_prior(&theta) + u[0] + u[1];
-            let weight = (log + 640.0).exp();
-            weights += weight;
-            for (sum, term) in sums.iter_mut().zip([u[0], u[1], u[0] * u[0], u[1] * u[1]]) {
-                *sum += weight * term;
-            }
-        }
-    }
-    let [a, b, aa, bb] = sums.map(|s| s / weights);
-    [a, b, (aa - a * a).sqrt(), (bb - b * b).sqrt()]
-}
-
-/// Means of the chain within five of their standard errors, and no more than a quarter of a posterior
-/// standard deviation wide; mean squares too.
-fn agrees(chain: &Chain<2>, [a, b, sa, sb]: [f64; 4]) {
-    for (k, mean, sd) in [(0, a, sa), (1, b, sb)] {
-        let z = |theta: &[f64; 2]| (theta[k].ln() - mean) / sd;
-        let (first, error) = (chain.mean(z), chain.standard_error(z));
-        assert!(first.abs() < 5.0 * error && error < 0.25, "{k}: {first} of {error}");
-        let square = |theta: &[f64; 2]| z(theta).powi(2);
-        let (second, error) = (chain.mean(square), chain.standard_error(square));
-        assert!((second - 1.0).abs() < 5.0 * error && error < 0.35, "{k}: {second} of {error}");
-    }
-}
-
 /// With exact likelihoods, and with those of 150 particles, whose logarithms have a standard deviation of
 /// about one.
 #[test]
 fn chains_have_the_posterior_as_their_law() {
     let Some(data) = nile() else { return };
-    let truth = quadrature(&data);
+    let truth = quadrature(&data, &variances());
     let start = [10_000.0, 3000.0];
     let settings = ChainSettings { draws: 8000, burn_in: 1000, ..ChainSettings::default() };
     let chain = particle_metropolis_hastings(&variances(), start, settings, Stream::new(4), |theta, _| {
@@ -105,7 +43,7 @@ fn chains_have_the_posterior_as_their_law() {
     .unwrap();
     assert!((0.1..0.5).contains(&chain.accepted) && chain.impossible == 0, "{}", chain.accepted);
     assert_eq!(chain.draws.len(), 8000);
-    agrees(&chain, truth);
+    agrees(&chain, &truth);
 
     let prior = Gaussian::new([1000.0], Matrix([[4e4]])).unwrap();
     let filter = |theta: &[f64; 2]| {
@@ -119,7 +57,7 @@ fn chains_have_the_posterior_as_their_law() {
             log_likelihood(&filter(theta)?, Time::from_secs(1.0), &data, stream)
         })
         .unwrap();
-    agrees(&chain, truth);
+    agrees(&chain, &truth);
 
     // The spread of the estimates, which a wrong chain would take for evidence.
     let theta = [15_099.0, 1469.1];
@@ -147,45 +85,12 @@ fn particles_find_the_maximum() {
         })
         .unwrap()
     };
-    let (truth, [.., sa, sb]) = (best(None, 0), quadrature(&data));
+    let (truth, [sa, sb]) = (best(None, 0), quadrature(&data, &variances()).sd);
     for seed in 0..4 {
         let found = best(Some(2000), seed);
         assert_eq!(found, best(Some(2000), seed));
         assert!((found.theta[0].ln() - truth.theta[0].ln()).abs() < 2.0 * sa, "{found:?} {truth:?}");
         assert!((found.theta[1].ln() - truth.theta[1].ln()).abs() < 2.0 * sb, "{found:?} {truth:?}");
-    }
-}
-
-fn laws() -> [Law; 5] {
-    [
-        Law::Normal { mean: 1.0, sd: 2.0 },
-        Law::LogNormal { median: 3.0, sd: 0.5 },
-        Law::Uniform { low: -1.0, high: 4.0 },
-        Law::Gamma { shape: 2.5, scale: 0.7 },
-        Law::InverseGamma { shape: 4.0, scale: 3.0 },
-    ]
-}
-
-/// Densities have the moments of the draws: mean and mean square of 100 000 within five standard errors of
-/// what a sum over the density gives, and the density sums up to 1.
-#[test]
-fn densities_are_those_of_the_draws() {
-    for law in laws() {
-        let mut draws = Stream::new(3).draws(Purpose::Other, 0, 0);
-        let drawn: Vec<f64> = (0..100_000).map(|_| law.draw(&mut draws)).collect();
-        // Of bounded functions all moments exist.
-        let step = 0.002;
-        let nodes: Vec<f64> = (-15_000..30_000).map(|i| (f64::from(i) + 0.5) * step).collect();
-        let sum = |f: &dyn Fn(f64) -> f64| {
-            nodes.iter().map(|&x| f(x) * law.log_density(x).exp() * step).sum::<f64>()
-        };
-        assert!((sum(&|_| 1.0) - 1.0).abs() < 1e-3, "{law:?}: {}", sum(&|_| 1.0));
-        for f in [|x: f64| (x / 2.0).tanh(), |x: f64| 1.0 / (1.0 + x * x)] {
-            let mean = drawn.iter().map(|&x| f(x)).sum::<f64>() / 1e5;
-            let square = drawn.iter().map(|&x| (f(x) - mean).powi(2)).sum::<f64>() / 1e5;
-            // 1e-4 for the tails beyond 60.
-            assert!((mean - sum(&f)).abs() < 5.0 * (square / 1e5).sqrt() + 1e-4, "{law:?}");
-        }
     }
 }
 
@@ -239,25 +144,4 @@ fn what_is_impossible_is_not_accepted() {
     let best = maximum_likelihood(&parameters, [0.0], Stream::new(0), wall).unwrap();
     assert!((best.theta[0] - 0.5).abs() < 1e-4);
     assert!(maximum_likelihood(&parameters, [2.0], Stream::new(0), |_, _| Ok(f64::NEG_INFINITY)).is_err());
-}
-
-#[test]
-fn what_is_no_prior_is_refused() {
-    for law in [
-        Law::Normal { mean: 0.0, sd: 0.0 },
-        Law::LogNormal { median: -1.0, sd: 1.0 },
-        Law::Uniform { low: 1.0, high: 1.0 },
-        Law::Gamma { shape: f64::NAN, scale: 1.0 },
-        Law::InverseGamma { shape: 1.0, scale: -1.0 },
-    ] {
-        assert!(Parameters::new([("x", law)]).is_err(), "{law:?}");
-    }
-    let fine = Law::Normal { mean: 0.0, sd: 1.0 };
-    assert!(Parameters::new([("x", fine), ("x", fine)]).is_err());
-    assert!(Parameters::<0>::new([]).is_err());
-    let uniform = Parameters::new([("x", Law::Uniform { low: 0.0, high: 1.0 })]).unwrap();
-    let at = |x| maximum_likelihood(&uniform, [x], Stream::new(0), |&[x], _| Ok(-(x - 0.25) * (x - 0.25)));
-    assert!(at(0.0).is_err() && at(1.5).is_err());
-    assert!((at(0.9).unwrap().theta[0] - 0.25).abs() < 1e-4);
-    assert_eq!(uniform.list()[0].name, "x");
 }
