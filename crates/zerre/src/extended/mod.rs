@@ -5,6 +5,7 @@
 //! | [`shape`] | unions of ellipses |
 //! | [`statistics`] | sums over points, and the shape that follows from them |
 
+mod path;
 pub mod rate;
 pub mod shape;
 pub mod statistics;

@@ -1,6 +1,7 @@
 //! Shapes made of ellipses.
 
 use crate::error::{Error, Result};
+use crate::kernels::{Lobe, MAX_LOBES};
 use crate::math::gaussian::LN_2PI;
 use crate::math::{Cholesky, Matrix, exp, ln};
 use serde::{Deserialize, Serialize};
@@ -26,7 +27,7 @@ pub struct Shape {
 }
 
 /// More than anybody can tell apart.
-pub const MAX_ELLIPSES: usize = 16;
+pub const MAX_ELLIPSES: usize = MAX_LOBES;
 
 impl Shape {
     /// The union of `ellipses`, whose weights are scaled to sum to one.
@@ -124,7 +125,7 @@ impl Shape {
     pub fn log_density(&self, d: &[f64; 2]) -> Result<f64> {
         let mut logs = [f64::NEG_INFINITY; MAX_ELLIPSES];
         for (log, e) in logs.iter_mut().zip(&self.ellipses) {
-            *log = Lobe::of(e)?.log_density(*d);
+            *log = log_density(&lobe(e)?, *d);
         }
         Ok(log_sum_exp(&logs[..self.len()]))
     }
@@ -144,36 +145,34 @@ impl From<Shape> for Vec<Ellipse> {
     }
 }
 
-/// An ellipse digested for densities: ln(weight N(d; offset, X)) = constant - |U (d - offset)|^2 / 2 with U'U = X^-1.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Lobe {
-    pub offset: [f64; 2],
-    /// U, lower triangular: [u11, u21, u22].
-    pub root: [f64; 3],
-    pub constant: f64,
+/// An ellipse digested for densities.
+pub(crate) fn lobe(e: &Ellipse) -> Result<Lobe> {
+    let [[a, b], [_, d]] = e.extent.0;
+    let first = a.sqrt();
+    let cross = b / first;
+    let pivot = d - cross * cross;
+    if !(a > 0.0 && pivot > 0.0 && (a + pivot).is_finite()) {
+        let row = usize::from(a > 0.0);
+        return Err(Error::NotPositiveDefinite { what: "extent of an ellipse", row, pivot: pivot.min(a) });
+    }
+    let second = pivot.sqrt();
+    let root = [1.0 / first, -cross / (first * second), 1.0 / second];
+    let constant = ln(e.weight) - ln(first * second) - LN_2PI;
+    Ok(Lobe { offset: e.offset, root, constant })
 }
 
-impl Lobe {
-    pub fn of(e: &Ellipse) -> Result<Lobe> {
-        let lower = *Cholesky::of("extent of an ellipse", &e.extent)?.factor();
-        let [[a, _], [b, c]] = lower.0;
-        let root = [1.0 / a, -b / (a * c), 1.0 / c];
-        let constant = ln(e.weight) - ln(a * c) - LN_2PI;
-        Ok(Lobe { offset: e.offset, root, constant })
-    }
+/// ln(weight N(d; offset, X)).
+pub(crate) fn log_density(lobe: &Lobe, d: [f64; 2]) -> f64 {
+    let (x, y) = (d[0] - lobe.offset[0], d[1] - lobe.offset[1]);
+    let [a, b, c] = lobe.root;
+    let (u, v) = (a * x, b * x + c * y);
+    lobe.constant - 0.5 * (u * u + v * v)
+}
 
-    pub fn log_density(&self, d: [f64; 2]) -> f64 {
-        let (x, y) = (d[0] - self.offset[0], d[1] - self.offset[1]);
-        let [a, b, c] = self.root;
-        let (u, v) = (a * x, b.mul_add(x, c * y));
-        (-0.5f64).mul_add(u.mul_add(u, v * v), self.constant)
-    }
-
-    /// X^-1.
-    pub fn information(&self) -> Matrix<2, 2> {
-        let [a, b, c] = self.root;
-        Matrix([[a.mul_add(a, b * b), b * c], [b * c, c * c]])
-    }
+/// X^-1.
+pub(crate) fn information(lobe: &Lobe) -> Matrix<2, 2> {
+    let [a, b, c] = lobe.root;
+    Matrix([[a * a + b * b, b * c], [b * c, c * c]])
 }
 
 /// ln sum exp.

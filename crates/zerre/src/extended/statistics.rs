@@ -2,7 +2,7 @@
 
 use super::shape::{Ellipse, Shape};
 use crate::error::{Error, Result};
-use crate::math::{Matrix, ln};
+use crate::math::Matrix;
 use serde::{Deserialize, Serialize};
 
 /// What an ellipse is known by: sums over points d about the centre, each counted by the probability that it came
@@ -139,9 +139,4 @@ pub fn floored(a: &Matrix<2, 2>, floor: f64) -> Matrix<2, 2> {
     let (large, small) = (large.max(floor), small.max(floor));
     let cross = (large - small) * c * s;
     Matrix([[large * c * c + small * s * s, cross], [cross, large * s * s + small * c * c]])
-}
-
-/// Negative entropy of shares, sum q ln q: what a variational bound loses by certainty.
-pub(crate) fn negentropy(shares: &[f64]) -> f64 {
-    shares.iter().filter(|q| **q > 0.0).map(|q| q * ln(*q)).sum()
 }

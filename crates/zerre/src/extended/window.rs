@@ -1,12 +1,14 @@
 //! Variational expectation maximisation over a window of scans.
 
+use super::path::{Leap, Moments};
 use super::rate::Rate;
-use super::shape::{Lobe, MAX_ELLIPSES, Shape, log_sum_exp};
-use super::statistics::{MStep, Sums, negentropy};
+use super::shape::{Ellipse, MAX_ELLIPSES, Shape, information, lobe, log_density, log_sum_exp};
+use super::statistics::{MStep, Sums};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
-use crate::filter::{Filter, Outcome, Tangent, Transform, Update, predict_law};
-use crate::math::{Cholesky, Dual, Matrix, Real, exp, ln};
+use crate::filter::{Filter, MotionTangent, Outcome, Update};
+use crate::kernels::{self, Lobe, Simd};
+use crate::math::{Cholesky, Dual, Matrix, Real, ln};
 use crate::model::Motion;
 use crate::rng::Stream;
 use crate::time::Time;
@@ -86,6 +88,7 @@ pub struct WindowVb<A, C, const N: usize, const W: usize> {
     prior: Gaussian<N>,
     shape: Shape,
     settings: WindowSettings,
+    simd: Simd,
 }
 
 /// What a [`WindowVb`] knows.
@@ -95,7 +98,7 @@ pub struct ExtendedBelief<const N: usize> {
     state: Gaussian<N>,
     shape: Shape,
     /// Where the window starts from.
-    anchor: (Time, Gaussian<N>),
+    anchor: (Time, Moments<N>),
     frozen: Vec<Sums>,
     sums: Vec<Sums>,
     window: VecDeque<Scan<N>>,
@@ -103,14 +106,30 @@ pub struct ExtendedBelief<const N: usize> {
     clutter: Option<Clutter>,
 }
 
+/// A scan in the window.
 #[derive(Clone, Debug, PartialEq)]
 struct Scan<const N: usize> {
     time: Time,
-    points: Vec<[f64; 2]>,
-    /// Point after point, share after share.
-    shares: Vec<f64>,
-    filtered: Gaussian<N>,
-    smoothed: Gaussian<N>,
+    /// x and y of its points.
+    points: [Vec<f64>; 2],
+    /// Where the shares were taken.
+    seen: Seen<N>,
+    /// What the points said about there, ellipse by ellipse.
+    sums: [Sums; MAX_ELLIPSES],
+    filtered: Moments<N>,
+    smoothed: Moments<N>,
+    /// The prediction for it.
+    ahead: Moments<N>,
+    /// From the scan before; `None` where no time has passed.
+    leap: Option<Leap<N>>,
+}
+
+/// The centre of a state's law, by the tangent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen<const N: usize> {
+    at: [f64; 2],
+    slope: Matrix<2, N>,
+    spread: Matrix<2, 2>,
 }
 
 impl<const N: usize> ExtendedBelief<N> {
@@ -172,91 +191,237 @@ where
         if let Some(clutter) = &settings.clutter {
             Error::positive("area of the clutter", clutter.area)?;
         }
-        Ok(WindowVb { motion, centre, prior, shape, settings })
+        Ok(WindowVb { motion, centre, prior, shape, settings, simd: Simd::best() })
     }
 
-    /// The centre of a state's law, by the tangent: mean, covariance and slope.
-    fn seen(&self, state: &Gaussian<N>) -> ([f64; 2], Matrix<2, 2>, Matrix<2, N>) {
-        let seen = self.centre.at(Dual::<N>::variables(*state.mean()));
+    fn seen(&self, state: &Moments<N>) -> Seen<N> {
+        let seen = self.centre.at(Dual::<N>::variables(state.mean));
         let slope = Matrix(seen.map(|s| s.gradient));
-        (seen.map(|s| s.value), slope.congruence(state.covariance()), slope)
+        Seen { at: seen.map(|s| s.value), slope, spread: slope.congruence(&state.covariance) }
     }
 
-    /// Shares of the points among the lobes: q ~ weight exp E ln N(y; h(x) + offset, X), what is left being
-    /// clutter.
-    fn share(
-        &self,
-        points: &[[f64; 2]],
-        lobes: &[Lobe],
-        state: &Gaussian<N>,
-        clutter: f64,
-        shares: &mut [f64],
-    ) {
-        let (centre, spread, _) = self.seen(state);
+    fn leap(&self, from: Time, to: Time, state: &Moments<N>) -> Result<Option<Leap<N>>> {
+        if from == to {
+            return Ok(None);
+        }
+        let step = self.motion.over(from, to)?;
+        let noise = self.motion.noise();
+        let tangent = MotionTangent::<N, W>::at::<A>(&step, &state.mean, &[noise.mean(); W]);
+        Ok(Some(Leap {
+            value: tangent.value,
+            slope: tangent.by_state,
+            noise: tangent.noise_covariance(noise.variance()),
+        }))
+    }
+
+    /// Shares the points of a scan among the lobes about its smoothed state: q ~ weight exp E ln N(y; h(x) + offset, X),
+    /// what is left being clutter. The sum of the logarithms of what the shares were scaled by is the bound on the
+    /// points' log-density but for the divergence of the state.
+    fn share(&self, scan: &mut Scan<N>, lobes: &[Lobe], level: f64) -> f64 {
+        let seen = self.seen(&scan.smoothed);
+        let mut there = [Lobe { offset: [0.0; 2], root: [0.0; 3], constant: 0.0 }; MAX_ELLIPSES];
+        for (there, lobe) in there.iter_mut().zip(lobes) {
+            let j = information(lobe);
+            let blur = j.0[0][0] * seen.spread.0[0][0]
+                + 2.0 * j.0[0][1] * seen.spread.0[0][1]
+                + j.0[1][1] * seen.spread.0[1][1];
+            let offset = [lobe.offset[0] + seen.at[0], lobe.offset[1] + seen.at[1]];
+            *there = Lobe { offset, root: lobe.root, constant: lobe.constant - 0.5 * blur };
+        }
+        let mut shared = [[0.0; 6]; MAX_ELLIPSES];
+        let [x, y] = &scan.points;
         let count = lobes.len();
-        let blur: [f64; MAX_ELLIPSES] = from_fn(|l| {
-            lobes.get(l).map_or(0.0, |lobe| {
-                let j = lobe.information();
-                -0.5 * (j.0[0][0] * spread.0[0][0]
-                    + 2.0 * j.0[0][1] * spread.0[0][1]
-                    + j.0[1][1] * spread.0[1][1])
-            })
-        });
-        for (y, shares) in points.iter().zip(shares.chunks_exact_mut(count)) {
-            let d = [y[0] - centre[0], y[1] - centre[1]];
-            let mut most = clutter;
-            for (l, lobe) in lobes.iter().enumerate() {
-                shares[l] = lobe.log_density(d) + blur[l];
-                most = most.max(shares[l]);
-            }
-            let mut sum = exp(clutter - most);
-            for share in shares.iter_mut() {
-                *share = exp(*share - most);
-                sum += *share;
-            }
-            shares.iter_mut().for_each(|share| *share /= sum);
+        let bound = kernels::share(self.simd, [x, y], &there[..count], level, &mut shared[..count]);
+        for (sums, [n, x, y, xx, xy, yy]) in scan.sums.iter_mut().zip(shared).take(count) {
+            *sums = Sums { count: n, first: [x, y], second: [xx, xy, yy] }.about(seen.at);
+        }
+        scan.seen = seen;
+        bound
+    }
+
+    /// The law of a state after the points of its scan, as they are shared: each ellipse is measured by those that it
+    /// has.
+    fn given(&self, ahead: &Moments<N>, scan: &Scan<N>, lobes: &[Lobe]) -> Moments<N> {
+        let (mut total, mut vector) = (Matrix::<2, 2>::ZERO, [0.0; 2]);
+        for (lobe, sums) in lobes.iter().zip(&scan.sums) {
+            let j = information(lobe);
+            total = total + j * sums.count;
+            // Points less the offset, about the origin of the plane.
+            let rest: [f64; 2] = from_fn(|k| sums.first[k] + sums.count * (scan.seen.at[k] - lobe.offset[k]));
+            vector[0] += j.0[0][0] * rest[0] + j.0[0][1] * rest[1];
+            vector[1] += j.0[1][0] * rest[0] + j.0[1][1] * rest[1];
+        }
+        let seen = self.seen(ahead);
+        ahead.given(seen.at, &seen.slope, &total, vector)
+    }
+
+    /// The path through the window under the shares of its points.
+    fn smooth(&self, belief: &mut ExtendedBelief<N>, lobes: &[Lobe]) -> Result<()> {
+        let (mut time, mut state) = belief.anchor;
+        for scan in &mut belief.window {
+            scan.leap = self.leap(time, scan.time, &state)?;
+            scan.ahead = scan.leap.as_ref().map_or(state, |leap| state.after(leap));
+            state = self.given(&scan.ahead, scan, lobes);
+            (scan.filtered, scan.smoothed, time) = (state, state, scan.time);
+        }
+        for k in (1..belief.window.len()).rev() {
+            let Scan { smoothed: after, ahead, leap, .. } = &belief.window[k];
+            let now = &belief.window[k - 1].filtered;
+            let smoothed = leap.as_ref().map_or(*after, |leap| now.condition(leap, ahead, after));
+            belief.window[k - 1].smoothed = smoothed;
+        }
+        Ok(())
+    }
+
+    /// Adds the statistics of a scan, moved from where they were taken to where the state is now.
+    fn collect(&self, scan: &Scan<N>, sums: &mut [Sums]) {
+        let seen = self.seen(&scan.smoothed);
+        let by = [seen.at[0] - scan.seen.at[0], seen.at[1] - scan.seen.at[1]];
+        for (sums, scan) in sums.iter_mut().zip(&scan.sums) {
+            let mut moved = scan.about(by);
+            moved.add(moved.count, [0.0; 2], &seen.spread);
+            // Its points have been counted already.
+            moved.count = scan.count;
+            sums.blend(1.0, 1.0, &moved);
         }
     }
 
-    /// The law of a state before the scan, `ahead`, after points shared so: each ellipse is measured by the points that
-    /// it has.
-    fn update(
-        &self,
-        ahead: &Gaussian<N>,
-        points: &[[f64; 2]],
-        lobes: &[Lobe],
-        shares: &[f64],
-    ) -> Result<Gaussian<N>> {
-        let count = lobes.len();
-        let mut information = Matrix::<2, 2>::ZERO;
-        let mut vector = [0.0; 2];
-        for (l, lobe) in lobes.iter().enumerate() {
-            let (mut n, mut sum) = (0.0, [0.0; 2]);
-            for (y, shares) in points.iter().zip(shares.chunks_exact(count)) {
-                n += shares[l];
-                sum[0] = shares[l].mul_add(y[0] - lobe.offset[0], sum[0]);
-                sum[1] = shares[l].mul_add(y[1] - lobe.offset[1], sum[1]);
-            }
-            let j = lobe.information();
-            information = information + j * n;
-            let add = j * sum;
-            vector = [vector[0] + add[0], vector[1] + add[1]];
+    /// One turn: the path under the shares, the shape under the path, the shares under both.
+    fn sweep(&self, belief: &mut ExtendedBelief<N>, lobes: &mut [Lobe]) -> Result<()> {
+        self.smooth(belief, lobes)?;
+        belief.sums.clone_from(&belief.frozen);
+        for scan in &belief.window {
+            self.collect(scan, &mut belief.sums);
         }
-        // Too little to say anything: a scan without points of the target.
-        if information.max_abs() < 1e-12 {
-            return Ok(*ahead);
+        belief.shape = self.settings.m_step.shape(&belief.sums, &self.shape, &self.settings.noise)?;
+        self.digest(&belief.shape, lobes)?;
+        let level = clutter_level(&belief.rate, belief.clutter.as_ref());
+        for scan in &mut belief.window {
+            self.share(scan, lobes, level);
         }
-        let noise = Cholesky::of("information of a scan", &information)?.inverse();
-        let z = noise * vector;
-        let (centre, spread, slope) = self.seen(ahead);
-        let gain = Cholesky::of("innovation covariance", &(spread + noise).symmetrised())?
-            .solve_matrix(&(slope * *ahead.covariance()))
-            .transpose();
-        let correction = gain * [z[0] - centre[0], z[1] - centre[1]];
-        let mean = from_fn(|i| ahead.mean()[i] + correction[i]);
-        let kept = (Matrix::identity() - gain * slope).congruence(ahead.covariance());
-        Gaussian::computed("mean", "covariance", mean, (kept + gain.congruence(&noise)).symmetrised())
+        Ok(())
     }
+
+    fn digest(&self, shape: &Shape, lobes: &mut [Lobe]) -> Result<()> {
+        for (place, ellipse) in lobes.iter_mut().zip(shape.ellipses()) {
+            *place = lobe(&Ellipse { extent: ellipse.extent + self.settings.noise, ..*ellipse })?;
+        }
+        Ok(())
+    }
+
+    /// A scan as it enters, shared by turns with its state alone, under the shape that it finds; and the variational
+    /// bound on the log-density of its points given those before and their number.
+    fn enter(
+        &self,
+        (time, ahead, points): (Time, Moments<N>, &[[f64; 2]]),
+        lobes: &[Lobe],
+        level: f64,
+    ) -> Result<(Scan<N>, f64)> {
+        let mut scan = Scan {
+            time,
+            points: from_fn(|k| points.iter().map(|y| y[k]).collect()),
+            seen: self.seen(&ahead),
+            sums: [Sums::default(); MAX_ELLIPSES],
+            filtered: ahead,
+            smoothed: ahead,
+            ahead,
+            leap: None,
+        };
+        let mut bound = self.share(&mut scan, lobes, level);
+        if points.is_empty() {
+            return Ok((scan, 0.0));
+        }
+        for _ in 0..self.settings.sweeps {
+            scan.smoothed = self.given(&ahead, &scan, lobes);
+            bound = self.share(&mut scan, lobes, level);
+        }
+        let gap = divergence(&scan.smoothed.law()?, &ahead.law()?)?;
+        Ok((scan, bound - gap))
+    }
+
+    /// Takes in a scan; the bound on its log-density.
+    fn take(
+        &self,
+        belief: &mut ExtendedBelief<N>,
+        to: Time,
+        ahead: Moments<N>,
+        points: &[[f64; 2]],
+    ) -> Result<f64> {
+        let mut lobes = [Lobe { offset: [0.0; 2], root: [0.0; 3], constant: 0.0 }; MAX_ELLIPSES];
+        let lobes = &mut lobes[..belief.shape.len()];
+        self.digest(&belief.shape, lobes)?;
+        let level = clutter_level(&belief.rate, belief.clutter.as_ref());
+        let (scan, bound) = self.enter((to, ahead, points), lobes, level)?;
+        if belief.window.len() == self.settings.window {
+            self.freeze(belief);
+        }
+        belief.window.push_back(scan);
+        for _ in 0..self.settings.sweeps {
+            self.sweep(belief, lobes)?;
+        }
+        belief.rate.predict();
+        if let Some(scan) = belief.window.back() {
+            belief.state = scan.smoothed.law()?;
+            let of_target: f64 = scan.sums.iter().map(|sums| sums.count).sum();
+            belief.rate.update(of_target);
+            if let Some(clutter) = belief.clutter.as_mut().filter(|c| c.learnt) {
+                clutter.rate.predict();
+                clutter.rate.update((points.len() as f64 - of_target).max(0.0));
+            }
+        }
+        belief.time = to;
+        Ok(bound)
+    }
+
+    /// The oldest scan leaves its statistics to the shape and its state to the start of the window.
+    fn freeze(&self, belief: &mut ExtendedBelief<N>) {
+        let Some(scan) = belief.window.pop_front() else { return };
+        for sums in &mut belief.frozen {
+            let old = *sums;
+            sums.blend(self.settings.keep, 0.0, &old);
+        }
+        self.collect(&scan, &mut belief.frozen);
+        belief.anchor = (scan.time, scan.filtered);
+    }
+
+    /// All scans at once, by `turns` between the whole path and the shape: variational expectation maximisation. Scans
+    /// are in the order of time, from the start at `at` on.
+    ///
+    /// # Errors
+    /// Points that are not finite, times out of order, a model that refuses its parameters.
+    pub fn smoothed(
+        &self,
+        at: Time,
+        scans: &[(Time, Vec<[f64; 2]>)],
+        turns: usize,
+    ) -> Result<(Vec<Gaussian<N>>, Shape)> {
+        let mut belief = self.start(at, Stream::new(0))?;
+        let mut lobes = [Lobe { offset: [0.0; 2], root: [0.0; 3], constant: 0.0 }; MAX_ELLIPSES];
+        let lobes = &mut lobes[..belief.shape.len()];
+        self.digest(&belief.shape, lobes)?;
+        let level = clutter_level(&belief.rate, belief.clutter.as_ref());
+        let (mut time, mut state) = belief.anchor;
+        for (to, points) in scans {
+            finite(points)?;
+            if *to < time {
+                return Err(Error::OutOfOrder { from: time, to: *to });
+            }
+            let leap = self.leap(time, *to, &state)?;
+            let ahead = leap.as_ref().map_or(state, |leap| state.after(leap));
+            let (scan, _) = self.enter((*to, ahead, points), lobes, level)?;
+            (time, state) = (*to, scan.smoothed);
+            belief.window.push_back(scan);
+        }
+        for _ in 0..turns {
+            self.sweep(&mut belief, lobes)?;
+        }
+        let states = belief.window.iter().map(|scan| scan.smoothed.law()).collect::<Result<_>>()?;
+        Ok((states, belief.shape))
+    }
+}
+
+fn finite(points: &[[f64; 2]]) -> Result<()> {
+    points.iter().flatten().try_for_each(|y| Error::finite("point of a scan", *y).map(drop))
 }
 
 /// Log-density of clutter beside which the target's, per point, is `ln sum weight N`: relative rates count.
@@ -278,7 +443,7 @@ where
             time: at,
             state: self.prior,
             shape: self.shape.clone(),
-            anchor: (at, self.prior),
+            anchor: (at, Moments::from(&self.prior)),
             frozen: vec![Sums::default(); count],
             sums: vec![Sums::default(); count],
             window: VecDeque::with_capacity(self.settings.window),
@@ -288,160 +453,19 @@ where
     }
 
     fn step(&self, belief: &mut ExtendedBelief<N>, to: Time, scan: Option<&Vec<[f64; 2]>>) -> Result<Update> {
-        let ahead = predict_law(&Tangent, &self.motion, &belief.state, belief.time, to)?;
+        if to < belief.time {
+            return Err(Error::OutOfOrder { from: belief.time, to });
+        }
+        let state = Moments::from(&belief.state);
+        let leap = self.leap(belief.time, to, &state)?;
+        let ahead = leap.as_ref().map_or(state, |leap| state.after(leap));
         let Some(points) = scan else {
-            (belief.time, belief.state) = (to, ahead);
+            (belief.time, belief.state) = (to, ahead.law()?);
             return Ok(Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None });
         };
-        for y in points.iter().flatten() {
-            Error::finite("point of a scan", *y)?;
-        }
-        let mut next = belief.clone();
-        let log_evidence = self.take(&mut next, to, ahead, points)?;
-        *belief = next;
+        finite(points)?;
+        let log_evidence = self.take(belief, to, ahead, points)?;
         Ok(Update { outcome: Outcome::Updated, log_evidence, particles: None })
-    }
-}
-
-impl<A, C, const N: usize, const W: usize> WindowVb<A, C, N, W>
-where
-    A: Motion<N, W>,
-    C: Centre<N>,
-{
-    /// Takes in a scan; the variational bound on its log-density given those before, the number of points given.
-    fn take(
-        &self,
-        belief: &mut ExtendedBelief<N>,
-        to: Time,
-        ahead: Gaussian<N>,
-        points: &[[f64; 2]],
-    ) -> Result<f64> {
-        let count = belief.shape.len();
-        let mut lobes = self.lobes(&belief.shape)?;
-        let mut level = clutter_level(&belief.rate, belief.clutter.as_ref());
-        let mut scan = Scan {
-            time: to,
-            points: points.to_vec(),
-            shares: vec![0.0; points.len() * count],
-            filtered: ahead,
-            smoothed: ahead,
-        };
-        // The new scan alone, under the shape that it finds.
-        for _ in 0..self.settings.sweeps {
-            self.share(points, &lobes, &scan.smoothed, level, &mut scan.shares);
-            scan.smoothed = self.update(&ahead, points, &lobes, &scan.shares)?;
-        }
-        let bound = self.bound(&ahead, &scan, &lobes, level)?;
-        belief.rate.predict();
-        if let Some(clutter) = belief.clutter.as_mut().filter(|c| c.learnt) {
-            clutter.rate.predict();
-        }
-        if belief.window.len() == self.settings.window {
-            self.freeze(belief);
-        }
-        belief.window.push_back(scan);
-        for _ in 0..self.settings.sweeps {
-            self.smooth(belief, &lobes)?;
-            belief.sums.clone_from(&belief.frozen);
-            for scan in &belief.window {
-                self.collect(scan, count, &mut belief.sums);
-            }
-            belief.shape = self.settings.m_step.shape(&belief.sums, &self.shape, &self.settings.noise)?;
-            lobes = self.lobes(&belief.shape)?;
-            level = clutter_level(&belief.rate, belief.clutter.as_ref());
-            for scan in &mut belief.window {
-                self.share(&scan.points, &lobes, &scan.smoothed, level, &mut scan.shares);
-            }
-        }
-        let last = belief.window.back().map(|scan| (scan.smoothed, scan.shares.iter().sum::<f64>()));
-        if let Some((state, of_target)) = last {
-            belief.state = state;
-            belief.rate.update(of_target);
-            if let Some(clutter) = belief.clutter.as_mut().filter(|c| c.learnt) {
-                clutter.rate.update((points.len() as f64 - of_target).max(0.0));
-            }
-        }
-        belief.time = to;
-        Ok(bound)
-    }
-
-    fn lobes(&self, shape: &Shape) -> Result<Vec<Lobe>> {
-        shape.blurred(&self.settings.noise).ellipses().iter().map(Lobe::of).collect()
-    }
-
-    /// The oldest scan leaves its statistics to the shape and its state to the start of the window.
-    fn freeze(&self, belief: &mut ExtendedBelief<N>) {
-        let Some(scan) = belief.window.pop_front() else { return };
-        belief.frozen.iter_mut().for_each(|sums| {
-            let old = *sums;
-            sums.blend(self.settings.keep, 0.0, &old);
-        });
-        self.collect(&scan, belief.shape.len(), &mut belief.frozen);
-        belief.anchor = (scan.time, scan.filtered);
-    }
-
-    /// Adds the statistics of a scan.
-    fn collect(&self, scan: &Scan<N>, count: usize, sums: &mut [Sums]) {
-        let (centre, spread, _) = self.seen(&scan.smoothed);
-        for (y, shares) in scan.points.iter().zip(scan.shares.chunks_exact(count)) {
-            let d = [y[0] - centre[0], y[1] - centre[1]];
-            for (sums, share) in sums.iter_mut().zip(shares) {
-                sums.add(*share, d, &spread);
-            }
-        }
-    }
-
-    /// The path through the window under the shares of its points.
-    fn smooth(&self, belief: &mut ExtendedBelief<N>, lobes: &[Lobe]) -> Result<()> {
-        let (mut time, mut state) = belief.anchor;
-        let mut joints = Vec::with_capacity(belief.window.len());
-        for scan in &mut belief.window {
-            let before = state;
-            let joint = if scan.time > time {
-                let step = self.motion.over(time, scan.time)?;
-                let joint = Tangent.propagate_joint(&self.motion, &step, &state)?;
-                state = *joint.law();
-                Some(joint)
-            } else {
-                None
-            };
-            joints.push((before, joint));
-            state = self.update(&state, &scan.points, lobes, &scan.shares)?;
-            (scan.filtered, scan.smoothed, time) = (state, state, scan.time);
-        }
-        for k in (1..belief.window.len()).rev() {
-            let after = belief.window[k].smoothed;
-            let (now, joint) = &joints[k];
-            belief.window[k - 1].smoothed = match joint {
-                Some(joint) => joint.condition(now, &after)?,
-                None => after,
-            };
-        }
-        Ok(())
-    }
-
-    /// The variational bound on ln p of a scan's points.
-    fn bound(&self, ahead: &Gaussian<N>, scan: &Scan<N>, lobes: &[Lobe], level: f64) -> Result<f64> {
-        let (centre, spread, _) = self.seen(&scan.smoothed);
-        let count = lobes.len();
-        let mut bound = 0.0;
-        for (y, shares) in scan.points.iter().zip(scan.shares.chunks_exact(count)) {
-            let d = [y[0] - centre[0], y[1] - centre[1]];
-            let mut rest = 1.0;
-            for (lobe, share) in lobes.iter().zip(shares) {
-                let j = lobe.information();
-                let blur = j.0[0][0] * spread.0[0][0]
-                    + 2.0 * j.0[0][1] * spread.0[0][1]
-                    + j.0[1][1] * spread.0[1][1];
-                bound += share * (lobe.log_density(d) - 0.5 * blur);
-                rest -= share;
-            }
-            bound -= negentropy(shares);
-            if level > f64::NEG_INFINITY && rest > 1e-15 {
-                bound += rest * (level - ln(rest));
-            }
-        }
-        Ok(bound - divergence(&scan.smoothed, ahead)?)
     }
 }
 
@@ -468,10 +492,10 @@ pub fn predictive_score<C: Centre<N>, const N: usize>(
     let seen = centre.at(Dual::<N>::variables(*state.mean()));
     let spread = Matrix(seen.map(|s| s.gradient)).congruence(state.covariance());
     let at = seen.map(|s| s.value);
-    let lobes: Vec<Lobe> = shape.blurred(&spread).ellipses().iter().map(Lobe::of).collect::<Result<_>>()?;
+    let lobes: Vec<Lobe> = shape.blurred(&spread).ellipses().iter().map(lobe).collect::<Result<_>>()?;
     let score = |y: &[f64; 2]| {
         let logs: Vec<f64> =
-            lobes.iter().map(|lobe| lobe.log_density([y[0] - at[0], y[1] - at[1]])).collect();
+            lobes.iter().map(|lobe| log_density(lobe, [y[0] - at[0], y[1] - at[1]])).collect();
         log_sum_exp(&logs)
     };
     Ok(points.iter().map(score).sum())

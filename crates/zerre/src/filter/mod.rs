@@ -27,7 +27,7 @@ pub use ensemble::{Correcting, Ensemble, EnsembleSettings};
 pub(crate) use extended::MotionTangent;
 pub use extended::{Extended, Tangent};
 pub use gaussian::{GaussianFilter, Joint, PredictedMeasurement, Transform, predict_measurement};
-pub(crate) use gaussian::{innovation, predict_law};
+pub(crate) use gaussian::innovation;
 pub use gaussian_sum::{GaussianSum, Simplified, SumSettings};
 pub use grid::Grid;
 pub(crate) use imm::step_with as step_modes;
