@@ -8,6 +8,7 @@
 mod path;
 pub mod rate;
 pub mod shape;
+pub mod start;
 pub mod statistics;
 pub mod window;
 

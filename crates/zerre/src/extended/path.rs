@@ -5,7 +5,7 @@
 
 use crate::belief::Gaussian;
 use crate::error::Result;
-use crate::math::Matrix;
+use crate::math::{Matrix, ln};
 use std::array::from_fn;
 
 /// Mean and covariance, unchecked.
@@ -71,15 +71,16 @@ impl<const N: usize> Moments<N> {
         Moments { mean: leap.value, covariance: congruence(&leap.slope, &self.covariance) + leap.noise }
     }
 
-    /// Given a measured place of the centre: `seen` is h at the mean, `slope` its derivative, and the place is
-    /// known with `information`, of which `vector` is the product with it. A singular information will do.
+    /// Given exp(b'h - h'Jh / 2) of the centre h, b being `vector` and J `information`, which may be singular;
+    /// `seen` is h at the mean and `slope` its derivative. With it comes the logarithm of the mean of that
+    /// factor.
     pub fn given(
         &self,
         seen: [f64; 2],
         slope: &Matrix<2, N>,
         information: &Matrix<2, 2>,
         vector: [f64; 2],
-    ) -> Moments<N> {
+    ) -> (Moments<N>, f64) {
         // K = P H' (I + J H P H')^-1 J, in which J may be singular.
         let cross = product(&self.covariance, &slope.transpose());
         let spread = product(slope, &cross);
@@ -103,7 +104,11 @@ impl<const N: usize> Moments<N> {
             [taken.0[0][0], 0.5 * (taken.0[0][1] + taken.0[1][0])],
             [0.5 * (taken.0[0][1] + taken.0[1][0]), taken.0[1][1]],
         ]);
-        Moments { mean, covariance: self.covariance - congruence(&cross, &taken) }
+        // b's - s'Js / 2 + r' S (I + J S)^-1 r / 2 - ln |I + J S| / 2 with r = b - J s.
+        let at = |k: usize| seen[k] * (vector[k] + rest[k]);
+        let along = |k: usize| (spread.0[k][0] * step[0] + spread.0[k][1] * step[1]) * rest[k];
+        let log_mean = 0.5 * (at(0) + at(1) + along(0) + along(1) - ln(det));
+        (Moments { mean, covariance: self.covariance - congruence(&cross, &taken) }, log_mean)
     }
 
     /// Given the law `after` of what comes by the leap, whose prediction was `ahead`. Where that is singular the state

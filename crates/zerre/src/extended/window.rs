@@ -8,7 +8,7 @@ use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, MotionTangent, Outcome, Update};
 use crate::kernels::{self, Lobe, Simd};
-use crate::math::{Cholesky, Dual, Matrix, Real, ln};
+use crate::math::{Dual, Matrix, Real, ln};
 use crate::model::Motion;
 use crate::rng::Stream;
 use crate::time::Time;
@@ -106,6 +106,17 @@ pub struct ExtendedBelief<const N: usize> {
     clutter: Option<Clutter>,
 }
 
+/// What all scans say at once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Smoothed<const N: usize> {
+    /// The state at each scan.
+    pub states: Vec<Gaussian<N>>,
+    /// The shape.
+    pub shape: Shape,
+    /// Bound on the log-density of all points under the shape, their numbers given; -inf without a turn.
+    pub bound: f64,
+}
+
 /// A scan in the window.
 #[derive(Clone, Debug, PartialEq)]
 struct Scan<const N: usize> {
@@ -122,6 +133,8 @@ struct Scan<const N: usize> {
     ahead: Moments<N>,
     /// From the scan before; `None` where no time has passed.
     leap: Option<Leap<N>>,
+    /// What its points said of the centre when the path was last smoothed.
+    said: (Matrix<2, 2>, [f64; 2]),
 }
 
 /// The centre of a state's law, by the tangent.
@@ -194,6 +207,26 @@ where
         Ok(WindowVb { motion, centre, prior, shape, settings, simd: Simd::best() })
     }
 
+    /// The same from another shape.
+    #[must_use]
+    pub fn with_shape(&self, shape: Shape) -> Self
+    where
+        A: Clone,
+    {
+        WindowVb {
+            shape,
+            settings: self.settings.clone(),
+            motion: self.motion.clone(),
+            centre: self.centre.clone(),
+            ..*self
+        }
+    }
+
+    /// Where a state has its centre.
+    pub fn centre(&self) -> &C {
+        &self.centre
+    }
+
     fn seen(&self, state: &Moments<N>) -> Seen<N> {
         let seen = self.centre.at(Dual::<N>::variables(state.mean));
         let slope = Matrix(seen.map(|s| s.gradient));
@@ -239,29 +272,52 @@ where
         bound
     }
 
-    /// The law of a state after the points of its scan, as they are shared: each ellipse is measured by those that it
-    /// has.
-    fn given(&self, ahead: &Moments<N>, scan: &Scan<N>, lobes: &[Lobe]) -> Moments<N> {
+    /// What the points of a scan say of its centre h, as they are shared: exp(b'h - h'Jh / 2), h about where the
+    /// shares were taken. Each ellipse is measured by the points that it has.
+    fn measured(&self, scan: &Scan<N>, lobes: &[Lobe]) -> (Matrix<2, 2>, [f64; 2]) {
         let (mut total, mut vector) = (Matrix::<2, 2>::ZERO, [0.0; 2]);
         for (lobe, sums) in lobes.iter().zip(&scan.sums) {
             let j = information(lobe);
             total = total + j * sums.count;
-            // Points less the offset, about the origin of the plane.
-            let rest: [f64; 2] = from_fn(|k| sums.first[k] + sums.count * (scan.seen.at[k] - lobe.offset[k]));
+            let rest: [f64; 2] = from_fn(|k| sums.first[k] - sums.count * lobe.offset[k]);
             vector[0] += j.0[0][0] * rest[0] + j.0[0][1] * rest[1];
             vector[1] += j.0[1][0] * rest[0] + j.0[1][1] * rest[1];
         }
-        let seen = self.seen(ahead);
-        ahead.given(seen.at, &seen.slope, &total, vector)
+        (total, vector)
     }
 
-    /// The path through the window under the shares of its points.
-    fn smooth(&self, belief: &mut ExtendedBelief<N>, lobes: &[Lobe]) -> Result<()> {
+    /// The law of a state after that, and the logarithm of the mean of the factor before.
+    fn given(
+        &self,
+        ahead: &Moments<N>,
+        scan: &Scan<N>,
+        (information, vector): &(Matrix<2, 2>, [f64; 2]),
+    ) -> (Moments<N>, f64) {
+        let seen = self.seen(ahead);
+        let at = from_fn(|k| seen.at[k] - scan.seen.at[k]);
+        ahead.given(at, &seen.slope, information, *vector)
+    }
+
+    /// The logarithm of that factor, its mean under a state's law.
+    fn expected(&self, state: &Moments<N>, scan: &Scan<N>, (j, b): &(Matrix<2, 2>, [f64; 2])) -> f64 {
+        let seen = self.seen(state);
+        let h: [f64; 2] = from_fn(|k| seen.at[k] - scan.seen.at[k]);
+        let square = |p: usize, q: usize| j.0[p][q] * (h[p] * h[q] + seen.spread.0[p][q]);
+        b[0] * h[0] + b[1] * h[1] - 0.5 * (square(0, 0) + 2.0 * square(0, 1) + square(1, 1))
+    }
+
+    /// The path through the window under the shares of its points; returns the divergence of its law from that
+    /// before the points.
+    fn smooth(&self, belief: &mut ExtendedBelief<N>, lobes: &[Lobe]) -> Result<f64> {
         let (mut time, mut state) = belief.anchor;
+        let mut divergence = 0.0;
         for scan in &mut belief.window {
             scan.leap = self.leap(time, scan.time, &state)?;
             scan.ahead = scan.leap.as_ref().map_or(state, |leap| state.after(leap));
-            state = self.given(&scan.ahead, scan, lobes);
+            scan.said = self.measured(scan, lobes);
+            let (after, log_mean) = self.given(&scan.ahead, scan, &scan.said);
+            state = after;
+            divergence -= log_mean;
             (scan.filtered, scan.smoothed, time) = (state, state, scan.time);
         }
         for k in (1..belief.window.len()).rev() {
@@ -270,7 +326,10 @@ where
             let smoothed = leap.as_ref().map_or(*after, |leap| now.condition(leap, ahead, after));
             belief.window[k - 1].smoothed = smoothed;
         }
-        Ok(())
+        for scan in &belief.window {
+            divergence += self.expected(&scan.smoothed, scan, &scan.said);
+        }
+        Ok(divergence)
     }
 
     /// Adds the statistics of a scan, moved from where they were taken to where the state is now.
@@ -286,9 +345,10 @@ where
         }
     }
 
-    /// One turn: the path under the shares, the shape under the path, the shares under both.
-    fn sweep(&self, belief: &mut ExtendedBelief<N>, lobes: &mut [Lobe]) -> Result<()> {
-        self.smooth(belief, lobes)?;
+    /// One turn: the path under the shares, the shape under the path, the shares under both. Returns the bound on
+    /// the log-density of the points in the window, their numbers given.
+    fn sweep(&self, belief: &mut ExtendedBelief<N>, lobes: &mut [Lobe]) -> Result<f64> {
+        let divergence = self.smooth(belief, lobes)?;
         belief.sums.clone_from(&belief.frozen);
         for scan in &belief.window {
             self.collect(scan, &mut belief.sums);
@@ -296,10 +356,11 @@ where
         belief.shape = self.settings.m_step.shape(&belief.sums, &self.shape, &self.settings.noise)?;
         self.digest(&belief.shape, lobes)?;
         let level = clutter_level(&belief.rate, belief.clutter.as_ref());
+        let mut bound = -divergence;
         for scan in &mut belief.window {
-            self.share(scan, lobes, level);
+            bound += self.share(scan, lobes, level);
         }
-        Ok(())
+        Ok(bound)
     }
 
     fn digest(&self, shape: &Shape, lobes: &mut [Lobe]) -> Result<()> {
@@ -316,7 +377,7 @@ where
         (time, ahead, points): (Time, Moments<N>, &[[f64; 2]]),
         lobes: &[Lobe],
         level: f64,
-    ) -> Result<(Scan<N>, f64)> {
+    ) -> (Scan<N>, f64) {
         let mut scan = Scan {
             time,
             points: from_fn(|k| points.iter().map(|y| y[k]).collect()),
@@ -326,17 +387,20 @@ where
             smoothed: ahead,
             ahead,
             leap: None,
+            said: (Matrix::ZERO, [0.0; 2]),
         };
         let mut bound = self.share(&mut scan, lobes, level);
         if points.is_empty() {
-            return Ok((scan, 0.0));
+            return (scan, 0.0);
         }
         for _ in 0..self.settings.sweeps {
-            scan.smoothed = self.given(&ahead, &scan, lobes);
-            bound = self.share(&mut scan, lobes, level);
+            let said = self.measured(&scan, lobes);
+            let (state, log_mean) = self.given(&ahead, &scan, &said);
+            let divergence = self.expected(&state, &scan, &said) - log_mean;
+            scan.smoothed = state;
+            bound = self.share(&mut scan, lobes, level) - divergence;
         }
-        let gap = divergence(&scan.smoothed.law()?, &ahead.law()?)?;
-        Ok((scan, bound - gap))
+        (scan, bound)
     }
 
     /// Takes in a scan; the bound on its log-density.
@@ -351,7 +415,7 @@ where
         let lobes = &mut lobes[..belief.shape.len()];
         self.digest(&belief.shape, lobes)?;
         let level = clutter_level(&belief.rate, belief.clutter.as_ref());
-        let (scan, bound) = self.enter((to, ahead, points), lobes, level)?;
+        let (scan, bound) = self.enter((to, ahead, points), lobes, level);
         if belief.window.len() == self.settings.window {
             self.freeze(belief);
         }
@@ -389,12 +453,7 @@ where
     ///
     /// # Errors
     /// Points that are not finite, times out of order, a model that refuses its parameters.
-    pub fn smoothed(
-        &self,
-        at: Time,
-        scans: &[(Time, Vec<[f64; 2]>)],
-        turns: usize,
-    ) -> Result<(Vec<Gaussian<N>>, Shape)> {
+    pub fn smoothed(&self, at: Time, scans: &[(Time, Vec<[f64; 2]>)], turns: usize) -> Result<Smoothed<N>> {
         let mut belief = self.start(at, Stream::new(0))?;
         let mut lobes = [Lobe { offset: [0.0; 2], root: [0.0; 3], constant: 0.0 }; MAX_ELLIPSES];
         let lobes = &mut lobes[..belief.shape.len()];
@@ -408,15 +467,16 @@ where
             }
             let leap = self.leap(time, *to, &state)?;
             let ahead = leap.as_ref().map_or(state, |leap| state.after(leap));
-            let (scan, _) = self.enter((*to, ahead, points), lobes, level)?;
+            let (scan, _) = self.enter((*to, ahead, points), lobes, level);
             (time, state) = (*to, scan.smoothed);
             belief.window.push_back(scan);
         }
+        let mut bound = f64::NEG_INFINITY;
         for _ in 0..turns {
-            self.sweep(&mut belief, lobes)?;
+            bound = self.sweep(&mut belief, lobes)?;
         }
         let states = belief.window.iter().map(|scan| scan.smoothed.law()).collect::<Result<_>>()?;
-        Ok((states, belief.shape))
+        Ok(Smoothed { states, shape: belief.shape, bound })
     }
 }
 
@@ -467,16 +527,6 @@ where
         let log_evidence = self.take(belief, to, ahead, points)?;
         Ok(Update { outcome: Outcome::Updated, log_evidence, particles: None })
     }
-}
-
-/// KL(p || q) of normal laws.
-fn divergence<const N: usize>(p: &Gaussian<N>, q: &Gaussian<N>) -> Result<f64> {
-    let of_q = Cholesky::of("predicted covariance", q.covariance())?;
-    let of_p = Cholesky::of("covariance", p.covariance())?;
-    let d = from_fn(|i| p.mean()[i] - q.mean()[i]);
-    let ratio = of_q.solve_matrix(p.covariance());
-    let trace: f64 = ratio.diagonal().iter().sum();
-    Ok(0.5 * (trace + of_q.mahalanobis_squared(&d) - N as f64 + of_q.log_det() - of_p.log_det()))
 }
 
 /// ln p of points about a state's law, each for itself: the centre's uncertainty added to every ellipse.
