@@ -259,9 +259,10 @@ fn a_certain_mode_is_alone() {
     let mut b = one.start(Time::ZERO, Stream::new(3)).unwrap();
     for (t, z) in SCRIPT.into_iter().filter(|(_, z)| z.is_some()) {
         let z = z.map(|z| [z]);
-        // But for the evaluations: the other mode's particles are weighed before they count for nothing.
+        // But for what it cost: the other mode's particles are weighed before they count for nothing.
         let of = |update: Update| {
-            (update.log_evidence, update.particles.map(|p| ParticleUpdate { evaluations: 0, ..p }))
+            let free = |p| ParticleUpdate { particles: 0, evaluations: 0, ..p };
+            (update.log_evidence, update.particles.map(free))
         };
         let found = two.step(&mut a, secs(t), z.as_ref()).unwrap();
         let expected = one.step(&mut b, secs(t), z.as_ref()).unwrap();

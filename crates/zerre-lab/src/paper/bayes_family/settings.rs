@@ -28,12 +28,12 @@ pub const TRUTHS: [(&str, &str, usize); 8] = [
     ("growth-q6", "grid", 500),
     ("ungm", "grid", 1000),
     ("upf", "grid", 1000),
-    ("bearings-only", "bootstrap", 1_000_000),
+    ("bearings-only", "bootstrap", 200_000),
     ("outliers", "grid", 500),
 ];
 
 /// Where the truth is a filter with random numbers, another that shows how well it is known.
-pub const CHECKS: [(&str, &str, usize); 1] = [("bearings-only", "ekf-guided", 300_000)];
+pub const CHECKS: [(&str, &str, usize); 1] = [("bearings-only", "ekf-guided", 60_000)];
 
 /// A filter counts as being as good as the truth up to this ratio of errors and of scores, ...
 pub const AS_GOOD: f64 = 1.02;
