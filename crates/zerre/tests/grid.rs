@@ -325,3 +325,34 @@ fn what_a_grid_cannot_do_is_refused() {
     let refusal = grid.step(&mut belief, seconds(1), None).unwrap_err();
     assert!(refusal.to_string().contains("too small"), "{refusal}");
 }
+
+/// Errors are as large as the covariance says: over 300 worlds drawn from the model NEES after each of ten steps is
+/// chi-square with 300 degrees of freedom, five standard deviations of which a right filter leaves in one test of a
+/// hundred thousand. A grid that is told half the noise leaves them at once.
+#[test]
+fn errors_are_as_large_as_it_says() {
+    let nees = |told: f64| {
+        let prior = Gaussian::new([0.0], Matrix([[1.0]])).unwrap();
+        let (motion, sensor) =
+            (RandomWalk::<1>::new(0.5).unwrap(), measurement::Position::<1>::new(0.8).unwrap());
+        let believed = measurement::Position::<1>::new(0.8 * told).unwrap();
+        let grid = Grid::new(prior, motion, believed).unwrap().with_nodes(100).unwrap();
+        let mut sums = [0.0; 10];
+        for world in 0..300 {
+            let stream = Stream::new(77).fork(world);
+            let start = stream.draws(Purpose::Prior, 0, 0).normal();
+            let times: Vec<Time> = (0..10).map(seconds).collect();
+            let truth = simulate::path(&motion, [start], &times, stream.fork(0)).unwrap();
+            let measured = simulate::measurements(&sensor, &truth, &times, stream.fork(1)).unwrap();
+            let mut belief = grid.start(Time::ZERO, Stream::new(1)).unwrap();
+            for (k, sum) in sums.iter_mut().enumerate() {
+                grid.step(&mut belief, times[k], Some(&measured[k])).unwrap();
+                *sum += (belief.mean()[0] - truth[k][0]).powi(2) / belief.covariance().0[0][0];
+            }
+        }
+        sums
+    };
+    let far = |sum: &f64| (sum - 300.0).abs() > 5.0 * 600f64.sqrt();
+    assert!(!nees(1.0).iter().any(far), "{:?}", nees(1.0));
+    assert!(nees(0.5).iter().all(far), "{:?}", nees(0.5));
+}
