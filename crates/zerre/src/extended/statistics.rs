@@ -18,6 +18,12 @@ pub struct Sums {
 }
 
 impl Sums {
+    /// From numbers in the order of the fields, none for those that there are not.
+    pub(crate) fn from_moments(s: &[f64]) -> Sums {
+        let at = |k: usize| s.get(k).copied().unwrap_or_default();
+        Sums { count: at(0), first: [at(1), at(2)], second: [at(3), at(4), at(5)] }
+    }
+
     /// Takes in points about `d` with covariance `spread`, `share` of them.
     pub fn add(&mut self, share: f64, d: [f64; 2], spread: &Matrix<2, 2>) {
         let [x, y] = d;
