@@ -1,7 +1,7 @@
 //! Online expectation maximisation by a particle filter (Özkan, Çukurova University Journal of the Faculty of Engineering
 //! and Architecture 34(1), 2019, Algorithm 1).
 
-use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven, add, checked, densities};
+use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven, checked};
 use super::shape::{MAX_ELLIPSES, Shape};
 use super::statistics::{MStep, Sums};
 use super::window::Centre;
@@ -12,7 +12,7 @@ use crate::kernels::{self, BLOCK, BlockSums, Carried, Inherited, MAX_CARRIED, Si
 use crate::math::{Cholesky, Dual, Matrix, exp, ln};
 use crate::model::Motion;
 use crate::resample::{Resampling, Trigger};
-use crate::rng::{Draws, Purpose, Stream};
+use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
@@ -206,15 +206,10 @@ where
             if reading == Reading::Marginal {
                 kernels::share(simd, given, &states, inherited, gain, (&mut *scores, &mut part.to));
             } else {
-                for i in 0..scores.len() {
-                    let mut row = [0.0; MAX_CARRIED];
-                    let row = &mut row[..part.to.columns()];
-                    inherited.row(i, row);
-                    let centre = given.centre.at(from_fn(|k| states[k][i]));
-                    let mut draws = stream.draws(Purpose::Other, step, (range.start + i) as u32);
-                    scores[i] = labelled(reading, given, centre, gain, &mut draws, row);
-                    part.to.set_row(i, row);
-                }
+                let optimal = reading == Reading::Optimal;
+                let draws = |i: usize| stream.draws(Purpose::Other, step, (range.start + i) as u32);
+                let to = (&mut *scores, &mut part.to);
+                kernels::share_drawn(simd, given, (optimal, draws), &states, inherited, gain, to);
             }
             let log_weights = log_weights.map(|l| &l[range.clone()]);
             part.weights = kernels::weigh(simd, log_weights, scores, &states, weights);
@@ -329,48 +324,6 @@ where
         }
         Ok(Some((log_evidence, update)))
     }
-}
-
-/// ln of the weight of a particle whose points get their ellipses drawn; `gain` times their statistics are added to
-/// `sums`.
-fn labelled<C>(
-    reading: Reading,
-    given: &PointScanGiven<'_, C>,
-    centre: [f64; 2],
-    gain: f64,
-    draws: &mut Draws,
-    sums: &mut [f64],
-) -> f64 {
-    let lobes = given.lobes.all();
-    let mut log = 0.0;
-    let mut shares = [0.0; MAX_ELLIPSES];
-    for y in given.points {
-        let d = [y[0] - centre[0], y[1] - centre[1]];
-        let label = if reading == Reading::Optimal {
-            let (most, sum) = densities(lobes, d, &mut shares);
-            log += most + ln(sum);
-            drawn(&shares[..lobes.len()], draws.uniform() * sum)
-        } else {
-            let weights = given.lobes.weights();
-            let label = drawn(weights, draws.uniform());
-            log += lobes[label].log_density(d) - ln(weights[label]);
-            label
-        };
-        add(gain, d, &mut sums[MOMENTS * label..MOMENTS * (label + 1)]);
-    }
-    log
-}
-
-/// The entry where the sum first exceeds `level`; the last that is not zero if rounding keeps it below.
-fn drawn(shares: &[f64], level: f64) -> usize {
-    let (mut sum, mut last) = (0.0, 0);
-    for (l, share) in shares.iter().enumerate().filter(|(_, share)| **share > 0.0) {
-        (sum, last) = (sum + share, l);
-        if level < sum {
-            break;
-        }
-    }
-    last
 }
 
 impl<A, C, const N: usize, const W: usize> Filter for OnlineEm<A, C, N, W>

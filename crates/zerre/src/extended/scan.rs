@@ -5,6 +5,7 @@ use super::window::Centre;
 use crate::error::{Error, Result};
 use crate::math::{Matrix, Real};
 use crate::model::Measurement;
+use crate::rng::Draws;
 use crate::time::Time;
 
 /// A scan from a target of known shape, every point from any of its ellipses: p(y_1..m | x) = prod_j sum_l weight_l
@@ -170,4 +171,49 @@ pub(crate) fn add<R: Real>(share: R, [x, y]: [R; 2], sums: &mut [R]) {
     sums[3] = sx.mul_add(x, sums[3]);
     sums[4] = sx.mul_add(y, sums[4]);
     sums[5] = sy.mul_add(y, sums[5]);
+}
+
+/// As [`expect`], for one particle, with the ellipse of every point drawn: from its probability given the point where
+/// that is `optimal`, the weight being that of the point whatever it comes from; else from the weights of the ellipses,
+/// the weight being that of the point under the one drawn.
+#[inline(always)]
+pub(crate) fn draw_labels<C>(
+    given: &PointScanGiven<'_, C>,
+    (optimal, mut draws): (bool, Draws),
+    centre: [f64; 2],
+    gain: f64,
+    sums: &mut [f64],
+) -> f64 {
+    let (lobes, weights) = (given.lobes.all(), given.lobes.weights());
+    let (mut log, mut e) = (0.0, [0.0; MAX_ELLIPSES]);
+    for y in given.points {
+        let d = [y[0] - centre[0], y[1] - centre[1]];
+        let u = draws.uniform();
+        let label = if optimal {
+            let (most, sum) = densities(lobes, d, &mut e);
+            log += most + Real::ln(sum);
+            drawn(&e[..lobes.len()], u * sum)
+        } else {
+            let label = drawn(weights, u);
+            log += lobes[label].log_density(d) - Real::ln(weights[label]);
+            label
+        };
+        add(gain, d, &mut sums[MOMENTS * label..MOMENTS * (label + 1)]);
+    }
+    log
+}
+
+/// The entry where the sum first exceeds `level`; the last that is not zero if rounding keeps it below.
+#[inline(always)]
+fn drawn(shares: &[f64], level: f64) -> usize {
+    let (mut sum, mut last) = (0.0, 0);
+    for (l, &share) in shares.iter().enumerate() {
+        if share > 0.0 {
+            (sum, last) = (sum + share, l);
+            if level < sum {
+                break;
+            }
+        }
+    }
+    last
 }

@@ -162,6 +162,7 @@ impl Lobe {
         Ok(Lobe { offset: e.offset, root, constant })
     }
 
+    #[inline(always)]
     pub fn log_density(&self, d: [f64; 2]) -> f64 {
         let (x, y) = (d[0] - self.offset[0], d[1] - self.offset[1]);
         let [a, b, c] = self.root;

@@ -32,7 +32,7 @@ pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };
 pub(crate) use score::score;
-pub(crate) use share::{Carried, Inherited, MAX_CARRIED, carried_sums, share};
+pub(crate) use share::{Carried, Inherited, MAX_CARRIED, carried_sums, share, share_drawn};
 pub(crate) use transition::{add_log_transitions, centres, predict_density, transition_row};
 pub(crate) use weigh::{BlockSums, Total, weigh};
 

@@ -4,9 +4,10 @@ use super::propagate::{load_part, store_part};
 use super::weigh::fold_array;
 use super::{BLOCK, LANES, Simd};
 use crate::extended::MAX_ELLIPSES;
-use crate::extended::scan::{MOMENTS, PointScanGiven, expect};
+use crate::extended::scan::{MOMENTS, PointScanGiven, draw_labels, expect};
 use crate::extended::window::Centre;
 use crate::math::{Lanes, Real};
+use crate::rng::Draws;
 use fearless_simd::Simd as Token;
 
 /// Most numbers that a particle carries.
@@ -49,6 +50,7 @@ pub(crate) struct Inherited<'a> {
 
 impl Inherited<'_> {
     /// What one particle inherits.
+    #[inline(always)]
     pub(crate) fn row(&self, i: usize, row: &mut [f64]) {
         let parent = self.parents[i] as usize;
         for (to, x) in row.iter_mut().zip(self.from[parent / BLOCK].row(parent % BLOCK)) {
@@ -154,6 +156,46 @@ pub(crate) fn share<const N: usize, C: Centre<N>>(
         level,
         simd => run::<N, C, _>(simd, given, states, inherited, gain, (out, to)),
         naive => naive::<N, C>(given, states, inherited, gain, (out, to))
+    );
+}
+
+/// As [`share`], with the ellipse of every point drawn (see [`draw_labels`]) from the numbers that `draws` gives for a
+/// particle of the block. One particle after the other: levels differ by their instructions only.
+pub(crate) fn share_drawn<const N: usize, C: Centre<N>>(
+    level: Simd,
+    given: &PointScanGiven<'_, C>,
+    (optimal, draws): (bool, impl Fn(usize) -> Draws),
+    states: &[&[f64]; N],
+    inherited: Inherited<'_>,
+    gain: f64,
+    (out, to): (&mut [f64], &mut Carried),
+) {
+    #[inline(always)]
+    fn run<const N: usize, C: Centre<N>, T>(
+        _: T,
+        given: &PointScanGiven<'_, C>,
+        (optimal, draws): (bool, impl Fn(usize) -> Draws),
+        states: &[&[f64]; N],
+        inherited: Inherited<'_>,
+        gain: f64,
+        (out, to): (&mut [f64], &mut Carried),
+    ) {
+        let mut all = [0.0; MAX_CARRIED];
+        let row = &mut all[..to.columns()];
+        let mut x = [0.0; N];
+        for (i, out) in out.iter_mut().enumerate() {
+            inherited.row(i, row);
+            for k in 0..N {
+                x[k] = states[k][i];
+            }
+            *out = draw_labels(given, (optimal, draws(i)), given.centre.at(x), gain, row);
+            to.set_row(i, row);
+        }
+    }
+    dispatch!(
+        level,
+        simd => run(simd, given, (optimal, draws), states, inherited, gain, (out, to)),
+        naive => run((), given, (optimal, draws), states, inherited, gain, (out, to))
     );
 }
 
