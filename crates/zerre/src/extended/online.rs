@@ -185,7 +185,7 @@ where
 
     /// Weighs the particles by points; what they carry becomes `keep` times what they carried and `gain` times what
     /// the points say. The sums of the weights and ln p of the points given all before; `None`, and nothing of what is
-    /// carried changed, if no particle explains them.
+    /// carried changed yet, if no particle explains them.
     fn weigh(
         &self,
         belief: &mut OnlineBelief<N>,
@@ -221,26 +221,24 @@ where
         if !(total.sum.is_finite() && total.max.is_finite()) {
             return None;
         }
-        for (carried, part) in carried.iter_mut().zip(parts) {
-            std::mem::swap(carried, &mut part.to);
-        }
-        for (i, parent) in (0..).zip(parents) {
-            *parent = i;
-        }
-        *moved = [0.0; 2];
         Some((total, total.log_sum() - before))
     }
 
-    /// Resamples by the weights of the last points.
-    fn resample(&self, belief: &mut OnlineBelief<N>, total: &Total<N>) -> usize {
+    /// Makes what the last points said part of what is carried, the centre moving on by `moved`, and resamples by
+    /// their weights.
+    fn accept(&self, belief: &mut OnlineBelief<N>, total: &Total<N>, moved: [f64; 2]) -> usize {
+        for (carried, part) in belief.carried.iter_mut().zip(&mut belief.parts) {
+            std::mem::swap(carried, &mut part.to);
+        }
+        belief.moved = moved;
         let OnlineSettings { resampling, simd, ref threads, particles, .. } = self.settings;
         let distinct = belief.cloud.resample(resampling, (simd, threads), total, particles);
         belief.parents.clone_from(&belief.cloud.ancestors);
         distinct
     }
 
-    /// The shape from what the particles carry, and the centre to the mean of its points.
-    fn maximise(&self, belief: &mut OnlineBelief<N>, total: &Total<N>) -> Result<()> {
+    /// The shape from what the particles come to carry, and the centre to the mean of its points; how far that is.
+    fn maximise(&self, belief: &mut OnlineBelief<N>, total: &Total<N>) -> Result<[f64; 2]> {
         let mut all = [0.0; MAX_CARRIED];
         for part in &belief.parts {
             let factor = part.weights.factor(total.max) / total.sum;
@@ -256,32 +254,33 @@ where
         for s in sums.iter().flat_map(|s| s.first.iter().chain(&s.second).chain([&s.count])) {
             Error::finite("statistics of a shape", *s)?;
         }
+        let mut moved = [0.0; 2];
         if belief.scans > self.settings.burn_in {
             let MStep { prior, .. } = self.settings.m_step;
             // Averages are of one scan: so must be what the prior adds.
             let m_step = MStep { prior: prior / belief.scans as f64, ..self.settings.m_step };
             belief.shape = m_step.shape(sums, self.first(), &self.settings.noise)?;
             if self.settings.recentre {
-                self.recentre(belief, sums);
+                moved = self.recentre(belief, sums);
             }
         }
         belief.sums.copy_from_slice(sums);
-        Ok(())
+        Ok(moved)
     }
 
     /// Moves the centre to the mean of the points of the shape: states, shape and statistics together, so that points
     /// stay as likely as they were; to first order where the centre is no linear function of the state, and not at all
     /// where the state cannot move it.
-    fn recentre(&self, belief: &mut OnlineBelief<N>, sums: &mut [Sums]) {
+    fn recentre(&self, belief: &mut OnlineBelief<N>, sums: &mut [Sums]) -> [f64; 2] {
         let by = belief.shape.centroid();
         let seen = self.particles.sensor().centre().at(Dual::<N>::variables(belief.cloud.mean()));
         let slope = Matrix(seen.map(|s| s.gradient));
         let square = slope.congruence(&Matrix::identity());
-        let Ok(root) = Cholesky::of("square of the slope of the centre", &square) else { return };
+        let Ok(root) = Cholesky::of("square of the slope of the centre", &square) else { return [0.0; 2] };
         belief.cloud.translate(&(slope.transpose() * (root.inverse() * by)));
         belief.shape = belief.shape.about(by);
         sums.iter_mut().for_each(|sums| *sums = sums.about(by));
-        belief.moved = by;
+        by
     }
 
     /// Takes in a scan with points, the particles having been moved; `None` if nothing explains it.
@@ -310,13 +309,13 @@ where
             (log_evidence, keep) = (log_evidence + log, 1.0);
             update.ess = update.ess.min(total.ess());
             update.evaluations += self.settings.particles;
+            let mut moved = [0.0; 2];
             if k == parts {
                 belief.scans += 1;
-                if self.maximise(belief, &total).is_err() {
-                    return Ok(None);
-                }
+                let Ok(by) = self.maximise(belief, &total) else { return Ok(None) };
+                moved = by;
             }
-            update.distinct_ancestors = self.resample(belief, &total);
+            update.distinct_ancestors = self.accept(belief, &total, moved);
             if k < parts {
                 let at = belief.time();
                 self.particles.step(&mut belief.cloud, at, None)?;
