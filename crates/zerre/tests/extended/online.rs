@@ -385,12 +385,18 @@ fn odd_scans_are_taken_in() {
     }
 }
 
-/// What is refused leaves the belief as it was; what nothing explains leaves it as if it had not been seen.
+/// What is refused leaves the belief as it was; what nothing explains, or what no shape follows from, leaves it as if
+/// it had not been seen.
 #[test]
 fn what_cannot_be_used_is_not() {
     let data = scans(&truth(), 6, 9, 3);
-    for reading in READINGS {
-        let filter = filter(near(), 0.1, OnlineSettings { reading, particles: 100, ..Default::default() });
+    let wide = shape(&[(1.0, [0.0, 0.0], [1e12, 0.0, 1e12]), (1.0, [1.0, 0.0], [2e12, 0.0, 1e12])]);
+    // The likelihood of the first is below any number, squares of the second are above any.
+    let cases = [(near(), 3, 1e200), (wide, NEVER, 1.5e154)];
+    for ((first, burn_in, far), reading) in cases.iter().flat_map(|case| READINGS.map(|r| (case.clone(), r)))
+    {
+        let settings = OnlineSettings { reading, particles: 100, burn_in, ..Default::default() };
+        let filter = filter(first, 0.1, settings);
         let mut belief = filter.start(Time::ZERO, Stream::new(3)).unwrap();
         for (k, scan) in data[..5].iter().enumerate() {
             filter.step(&mut belief, at(k + 1), Some(scan)).unwrap();
@@ -405,18 +411,15 @@ fn what_cannot_be_used_is_not() {
         let (shape, sums) = (belief.shape().clone(), belief.sums().to_vec());
         let mut other = belief.clone();
         filter.step(&mut other, at(6), None).unwrap();
-        // So far that it has no likelihood, and so far that rounding leaves an ellipse no width.
-        for outlier in [[1e200, 0.0], [1e150, 1e150]] {
-            let update = filter.step(&mut belief, at(6), Some(&vec![[60.0, 0.0], outlier])).unwrap();
-            assert!(update.outcome == Outcome::Degenerate && update.log_evidence == f64::NEG_INFINITY);
-            assert_eq!(bits(&belief), bits(&other), "{reading:?}");
-            assert!(belief.shape() == &shape && belief.sums() == sums && belief.scans() == 5);
-        }
+        let update = filter.step(&mut belief, at(6), Some(&vec![[60.0, 0.0], [far, 0.0]])).unwrap();
+        assert!(update.outcome == Outcome::Degenerate && update.log_evidence == f64::NEG_INFINITY);
+        assert_eq!(bits(&belief), bits(&other), "{reading:?}");
+        assert!(belief.shape() == &shape && belief.sums() == sums && belief.scans() == 5);
         for belief in [&mut belief, &mut other] {
             let update = filter.step(belief, at(6), Some(&data[5])).unwrap();
             assert!(update.outcome == Outcome::Updated && belief.scans() == 6);
         }
-        // The labels are others from here on.
+        // Labels are drawn anew: only what is summed over is the same.
         assert!(reading != Reading::Marginal || belief.sums() == other.sums());
     }
 }
