@@ -209,8 +209,8 @@ impl<const N: usize> Cloud<N> {
         (self.equal, self.pending, self.log_sum) = (true, false, Real::ln(n as f64));
     }
 
-    /// Draws `children` survivors by the weights, whose sums are `total`; they are gathered when the next step moves
-    /// them. Returns how many particles were drawn at least once.
+    /// Draws `children` survivors by the weights, whose sums are `total`; they are gathered when the next step
+    /// moves them. Returns how many particles were drawn at least once.
     pub(crate) fn resample(
         &mut self,
         resampling: Resampling,

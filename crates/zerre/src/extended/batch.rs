@@ -1,4 +1,5 @@
-//! Expectation maximisation over all scans at once, the path by a particle smoother (Özkan 2019, equations 13 and 14).
+//! Expectation maximisation over all scans at once, the path by a particle smoother (Özkan 2019, equations 13
+//! and 14).
 
 use super::scan::{Lobes, MOMENTS, PointScan, checked, expect};
 use super::shape::Shape;
@@ -55,13 +56,13 @@ pub struct BatchFit<const N: usize> {
     pub log_likelihoods: Vec<f64>,
 }
 
-/// The shape that is most likely under all scans, and the path: in turns, paths drawn backwards through a particle
-/// filter of the present shape, and the shape that is most likely under the points shared among its ellipses along
-/// these paths.
+/// The shape that is most likely under all scans, and the path: in turns, paths drawn backwards through a
+/// particle filter of the present shape, and the shape that is most likely under the points shared among its
+/// ellipses along these paths.
 ///
 /// # Errors
-/// No iterations, scans that are not finite or out of order, a scan that no particle explains, a motion without
-/// [`TransitionDensity`](crate::model::TransitionDensity).
+/// No iterations, scans that are not finite or out of order, a scan that no particle explains, a motion
+/// without [`TransitionDensity`](crate::model::TransitionDensity).
 pub fn batch_em<A, C, const N: usize, const W: usize>(
     (motion, centre): (&A, &C),
     (from, prior, first): (Time, Gaussian<N>, &Shape),

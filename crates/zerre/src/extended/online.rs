@@ -1,5 +1,5 @@
-//! Online expectation maximisation by a particle filter (Özkan, Çukurova University Journal of the Faculty of Engineering
-//! and Architecture 34(1), 2019, Algorithm 1).
+//! Online expectation maximisation by a particle filter (Özkan, Çukurova University Journal of the Faculty of
+//! Engineering and Architecture 34(1), 2019, Algorithm 1).
 
 use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven, checked};
 use super::shape::{MAX_ELLIPSES, Shape};
@@ -15,14 +15,13 @@ use crate::resample::{Resampling, Trigger};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
-use std::array::from_fn;
 
 /// What is done about the ellipse r that a point y comes from, which nobody sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reading {
-    /// Drawn for every point from the weights of the ellipses before the points are looked at: the algorithm as it is
-    /// printed. Nine points and three ellipses are 3^9 combinations, few of which fit.
+    /// Drawn for every point from the weights of the ellipses before the points are looked at: the algorithm
+    /// as it is printed. Nine points and three ellipses are 3^9 combinations, few of which fit.
     Sampled,
     /// As [`Reading::Sampled`], one point at a time, with resampling after each.
     Sequential,
@@ -40,13 +39,15 @@ pub struct OnlineSettings {
     pub reading: Reading,
     /// Number of particles, 1 000 by default.
     pub particles: usize,
-    /// Scan k counts k^-`exponent` in the averages, those before it the rest; above 0.5 and at most 1, 0.6 by default.
+    /// Scan k counts k^-`exponent` in the averages, those before it the rest; above 0.5 and at most 1, 0.6 by
+    /// default.
     pub exponent: f64,
     /// Scans before the shape first changes, 3 by default.
     pub burn_in: u64,
     /// How the shape follows from the averages. The points of its prior are counted among those of all scans.
     pub m_step: MStep,
-    /// Whether the centre is kept where the points have their mean: points say nothing of where in the shape it is.
+    /// Whether the centre is kept where the points have their mean: points say nothing of where in the shape
+    /// it is.
     pub recentre: bool,
     /// Noise of the sensor on each point, m^2.
     pub noise: Matrix<2, 2>,
@@ -75,8 +76,8 @@ impl Default for OnlineSettings {
     }
 }
 
-/// The filter: particles carry the statistics of their own path, averaged over the scans with weights that fade, and the
-/// shape of the next scan is the most likely one under the mean of these over the particles.
+/// The filter: particles carry the statistics of their own path, averaged over the scans with weights that
+/// fade, and the shape of the next scan is the most likely one under the mean of these over the particles.
 #[derive(Clone, Debug)]
 pub struct OnlineEm<A, C, const N: usize, const W: usize> {
     particles: ParticleFilter<N, W, A, PointScan<C>>,
@@ -183,9 +184,9 @@ where
         self.particles.sensor().shape()
     }
 
-    /// Weighs the particles by points; what they carry becomes `keep` times what they carried and `gain` times what
-    /// the points say. The sums of the weights and ln p of the points given all before; `None`, and nothing of what is
-    /// carried changed yet, if no particle explains them.
+    /// Weighs the particles by points; what they carry becomes `keep` times what they carried and `gain`
+    /// times what the points say. The sums of the weights and ln p of the points given all before; `None`,
+    /// and nothing of what is carried changed yet, if no particle explains them.
     fn weigh(
         &self,
         belief: &mut OnlineBelief<N>,
@@ -224,8 +225,8 @@ where
         Some((total, total.log_sum() - before))
     }
 
-    /// Makes what the last points said part of what is carried, the centre moving on by `moved`, and resamples by
-    /// their weights.
+    /// Makes what the last points said part of what is carried, the centre moving on by `moved`, and
+    /// resamples by their weights.
     fn accept(&self, belief: &mut OnlineBelief<N>, total: &Total<N>, moved: [f64; 2]) -> usize {
         for (carried, part) in belief.carried.iter_mut().zip(&mut belief.parts) {
             std::mem::swap(carried, &mut part.to);
@@ -237,7 +238,8 @@ where
         distinct
     }
 
-    /// The shape from what the particles come to carry, and the centre to the mean of its points; how far that is.
+    /// The shape from what the particles come to carry, and the centre to the mean of its points; how far
+    /// that is.
     fn maximise(&self, belief: &mut OnlineBelief<N>, total: &Total<N>) -> Result<[f64; 2]> {
         let mut all = [0.0; MAX_CARRIED];
         for part in &belief.parts {
@@ -268,9 +270,9 @@ where
         Ok(moved)
     }
 
-    /// Moves the centre to the mean of the points of the shape: states, shape and statistics together, so that points
-    /// stay as likely as they were; to first order where the centre is no linear function of the state, and not at all
-    /// where the state cannot move it.
+    /// Moves the centre to the mean of the points of the shape: states, shape and statistics together, so
+    /// that points stay as likely as they were; to first order where the centre is no linear function of the
+    /// state, and not at all where the state cannot move it.
     fn recentre(&self, belief: &mut OnlineBelief<N>, sums: &mut [Sums]) -> [f64; 2] {
         let by = belief.shape.centroid();
         let seen = self.particles.sensor().centre().at(Dual::<N>::variables(belief.cloud.mean()));

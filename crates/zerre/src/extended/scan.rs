@@ -8,8 +8,9 @@ use crate::model::Measurement;
 use crate::rng::Draws;
 use crate::time::Time;
 
-/// A scan from a target of known shape, every point from any of its ellipses: p(y_1..m | x) = prod_j sum_l weight_l
-/// N(y_j; h(x) + offset_l, extent_l), their number given (Özkan 2019, equation 6). A value is the points, m.
+/// A scan from a target of known shape, every point from any of its ellipses: p(y_1..m | x) = prod_j sum_l
+/// weight_l N(y_j; h(x) + offset_l, extent_l), their number given (Özkan 2019, equation 6). A value is the
+/// points, m.
 #[derive(Clone, Debug)]
 pub struct PointScan<C> {
     centre: C,
@@ -128,8 +129,8 @@ pub(crate) fn densities<R: Real>(lobes: &[Lobe], d: [R; 2], e: &mut [R; MAX_ELLI
     (most, sum)
 }
 
-/// ln p of the points about a centre. With `SUMS`, `gain` times their statistics, each point shared among the ellipses
-/// by the probability that it comes from them, are added to `sums`, [`MOMENTS`] per ellipse.
+/// ln p of the points about a centre. With `SUMS`, `gain` times their statistics, each point shared among the
+/// ellipses by the probability that it comes from them, are added to `sums`, [`MOMENTS`] per ellipse.
 #[inline(always)]
 pub(crate) fn expect<R: Real, const SUMS: bool>(
     lobes: &[Lobe],
@@ -173,9 +174,9 @@ pub(crate) fn add<R: Real>(share: R, [x, y]: [R; 2], sums: &mut [R]) {
     sums[5] = sy.mul_add(y, sums[5]);
 }
 
-/// As [`expect`], for one particle, with the ellipse of every point drawn: from its probability given the point where
-/// that is `optimal`, the weight being that of the point whatever it comes from; else from the weights of the ellipses,
-/// the weight being that of the point under the one drawn.
+/// As [`expect`], for one particle, with the ellipse of every point drawn: from its probability given the
+/// point where that is `optimal`, the weight being that of the point whatever it comes from; else from the
+/// weights of the ellipses, the weight being that of the point under the one drawn.
 #[inline(always)]
 pub(crate) fn draw_labels<C>(
     given: &PointScanGiven<'_, C>,

@@ -2,7 +2,7 @@
 
 use super::shape::{Ellipse, Shape};
 use crate::error::{Error, Result};
-use crate::math::{Matrix, ln};
+use crate::math::{Matrix, Real, ln};
 use serde::{Deserialize, Serialize};
 
 /// What an ellipse is known by: sums over points d about the centre, each counted by the probability that it came
@@ -126,13 +126,13 @@ impl MStep {
 pub fn eigen(a: &Matrix<2, 2>) -> ([f64; 2], [f64; 2]) {
     let [[p, q], [_, r]] = a.0;
     let (half, mean) = (0.5 * (p - r), 0.5 * (p + r));
-    let root = half.hypot(q);
+    let root = Real::hypot(half, q);
     if root == 0.0 {
         return ([mean; 2], [1.0, 0.0]);
     }
     // (q, root - half) and (root + half, q) both lie along the axis; the longer is the more exact.
     let v = if half > 0.0 { [root + half, q] } else { [q, root - half] };
-    let length = v[0].hypot(v[1]);
+    let length = Real::hypot(v[0], v[1]);
     ([mean + root, mean - root], [v[0] / length, v[1] / length])
 }
 

@@ -7,7 +7,6 @@ use crate::filter::settings::{Prior, Settings};
 use crate::filter::size::{Goal, Size};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
 use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, Source, Survivors, Total};
-use crate::math::Real;
 use crate::model::{Likelihood, Motion, Noise};
 use crate::proposal::{Bootstrap, Models, Proposal};
 use crate::rng::{Purpose, Stream};

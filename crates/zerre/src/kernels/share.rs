@@ -38,8 +38,8 @@ impl Carried {
     }
 }
 
-/// What particles inherit: particle i of a block has `keep` times what `parents[i]` carried, about a centre that lies
-/// `by` further on.
+/// What particles inherit: particle i of a block has `keep` times what `parents[i]` carried, about a centre
+/// that lies `by` further on.
 #[derive(Clone, Copy)]
 pub(crate) struct Inherited<'a> {
     pub(crate) from: &'a [Carried],
@@ -96,8 +96,8 @@ fn pass_on<R: Real>(row: &mut [R], keep: f64, [a, b]: [f64; 2]) {
     }
 }
 
-/// `out[i] <- ln p(points | x_i)`, and `to` what the particles inherit with `gain` times the expected statistics of the
-/// scan.
+/// `out[i] <- ln p(points | x_i)`, and `to` what the particles inherit with `gain` times the expected
+/// statistics of the scan.
 pub(crate) fn share<const N: usize, C: Centre<N>>(
     level: Simd,
     given: &PointScanGiven<'_, C>,
@@ -159,8 +159,8 @@ pub(crate) fn share<const N: usize, C: Centre<N>>(
     );
 }
 
-/// As [`share`], with the ellipse of every point drawn (see [`draw_labels`]) from the numbers that `draws` gives for a
-/// particle of the block. One particle after the other: levels differ by their instructions only.
+/// As [`share`], with the ellipse of every point drawn (see [`draw_labels`]) from the numbers that `draws`
+/// gives for a particle of the block. One particle after the other: levels differ by their instructions only.
 pub(crate) fn share_drawn<const N: usize, C: Centre<N>>(
     level: Simd,
     given: &PointScanGiven<'_, C>,

@@ -34,8 +34,9 @@ fn settings(iterations: usize) -> BatchSettings {
     BatchSettings { iterations, particles, ..BatchSettings::default() }
 }
 
-/// Along a path that is known to a millimetre, blobs that nobody confuses have the moments of their own points: those
-/// and the distance of the path, at most .001 sqrt(20) in 20 steps, are all that the tolerance covers.
+/// Along a path that is known to a millimetre, blobs that nobody confuses have the moments of their own
+/// points: those and the distance of the path, at most .001 sqrt(20) in 20 steps, are all that the tolerance
+/// covers.
 #[test]
 fn a_known_path_gives_the_moments_of_the_points() {
     let data = scans(20);

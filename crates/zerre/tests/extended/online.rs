@@ -126,8 +126,9 @@ fn weighted(belief: &OnlineBelief<4>, row: impl Fn([f64; 2]) -> Vec<Sums>) -> Ve
     all
 }
 
-/// Without noise the particles of the second scan are copies of those of the first, so that the statistics that they
-/// carry follow from where they are: exactly where labels are summed over, or where there is but one.
+/// Without noise the particles of the second scan are copies of those of the first, so that the statistics
+/// that they carry follow from where they are: exactly where labels are summed over, or where there is but
+/// one.
 #[test]
 fn statistics_and_weights_are_those_of_enumeration() {
     let one = || shape(&[(1.0, [1.0, 0.0], [20.0, 4.0, 9.0])]);
@@ -214,8 +215,8 @@ fn evidence_is_unbiased_under_every_reading() {
     }
 }
 
-/// The weights are the same; a count of drawn labels has at most the variance m / 4 times the sum of the squared
-/// weights about the expected one, and is within five standard deviations of it.
+/// The weights are the same; a count of drawn labels has at most the variance m / 4 times the sum of the
+/// squared weights about the expected one, and is within five standard deviations of it.
 #[test]
 fn optimal_and_marginal_agree() {
     let run = |reading| {
@@ -307,8 +308,8 @@ fn instructions_and_threads_change_no_bit() {
     }
 }
 
-/// A move of the centre within the shape changes nothing that can be seen, as long as the motion does not care where it
-/// takes place and nothing ties the shape to its start.
+/// A move of the centre within the shape changes nothing that can be seen, as long as the motion does not
+/// care where it takes place and nothing ties the shape to its start.
 #[test]
 fn the_gauge_changes_no_weight() {
     let m_step = MStep { prior: 0.0, ..Default::default() };
@@ -329,8 +330,8 @@ fn the_gauge_changes_no_weight() {
     assert!((0..2).all(|k| (kept.2[k] - moved.2[k]).abs() < 1e-7));
 }
 
-/// What the estimate loses against the truth in ln p of a fresh point, each about its own middle, falls to less than
-/// half of that of the start in 60 scans.
+/// What the estimate loses against the truth in ln p of a fresh point, each about its own middle, falls to
+/// less than half of that of the start in 60 scans.
 #[test]
 fn the_shape_is_learnt() {
     let loss = |found: &Shape| {
@@ -385,8 +386,8 @@ fn odd_scans_are_taken_in() {
     }
 }
 
-/// What is refused leaves the belief as it was; what nothing explains, or what no shape follows from, leaves it as if
-/// it had not been seen.
+/// What is refused leaves the belief as it was; what nothing explains, or what no shape follows from, leaves
+/// it as if it had not been seen.
 #[test]
 fn what_cannot_be_used_is_not() {
     let data = scans(&truth(), 6, 9, 3);
@@ -451,8 +452,9 @@ impl Centre<2> for Polar {
     }
 }
 
-/// The first shape lies three metres beside the centre. The middle of the last scan's points has, with 30 of them, the
-/// variance (trace 11, 3) / 30 about the middle of the shape: errors beyond five deviations of that are none of chance.
+/// The first shape lies three metres beside the centre. The middle of the last scan's points has, with 30 of
+/// them, the variance (trace 11, 3) / 30 about the middle of the shape: errors beyond five deviations of that
+/// are none of chance.
 #[test]
 fn a_centre_may_be_any_function_of_the_state() {
     let blob = Shape::ellipse(Matrix([[9.0, 2.0], [2.0, 3.0]])).unwrap();
