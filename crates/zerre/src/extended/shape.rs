@@ -1,7 +1,8 @@
 //! Shapes made of ellipses.
 
 use crate::error::{Error, Result};
-use crate::kernels::{Lobe, MAX_LOBES};
+pub(crate) use crate::kernels::Lobe;
+use crate::kernels::MAX_LOBES;
 use crate::math::gaussian::LN_2PI;
 use crate::math::{Cholesky, Matrix, exp, ln};
 use serde::{Deserialize, Serialize};
@@ -125,7 +126,7 @@ impl Shape {
     pub fn log_density(&self, d: &[f64; 2]) -> Result<f64> {
         let mut logs = [f64::NEG_INFINITY; MAX_ELLIPSES];
         for (log, e) in logs.iter_mut().zip(&self.ellipses) {
-            *log = log_density(&lobe(e)?, *d);
+            *log = Lobe::of(e)?.log_density(*d);
         }
         Ok(log_sum_exp(&logs[..self.len()]))
     }
@@ -145,34 +146,40 @@ impl From<Shape> for Vec<Ellipse> {
     }
 }
 
-/// An ellipse digested for densities.
-pub(crate) fn lobe(e: &Ellipse) -> Result<Lobe> {
-    let [[a, b], [_, d]] = e.extent.0;
-    let first = a.sqrt();
-    let cross = b / first;
-    let pivot = d - cross * cross;
-    if !(a > 0.0 && pivot > 0.0 && (a + pivot).is_finite()) {
-        let row = usize::from(a > 0.0);
-        return Err(Error::NotPositiveDefinite { what: "extent of an ellipse", row, pivot: pivot.min(a) });
+impl Lobe {
+    /// An ellipse digested for densities.
+    pub fn of(e: &Ellipse) -> Result<Lobe> {
+        let [[a, b], [_, d]] = e.extent.0;
+        let first = a.sqrt();
+        let cross = b / first;
+        let pivot = d - cross * cross;
+        if !(a > 0.0 && pivot > 0.0 && (a + pivot).is_finite()) {
+            let row = usize::from(a > 0.0);
+            return Err(Error::NotPositiveDefinite {
+                what: "extent of an ellipse",
+                row,
+                pivot: pivot.min(a),
+            });
+        }
+        let second = pivot.sqrt();
+        let root = [1.0 / first, -cross / (first * second), 1.0 / second];
+        let constant = ln(e.weight) - ln(first * second) - LN_2PI;
+        Ok(Lobe { offset: e.offset, root, constant })
     }
-    let second = pivot.sqrt();
-    let root = [1.0 / first, -cross / (first * second), 1.0 / second];
-    let constant = ln(e.weight) - ln(first * second) - LN_2PI;
-    Ok(Lobe { offset: e.offset, root, constant })
-}
 
-/// ln(weight N(d; offset, X)).
-pub(crate) fn log_density(lobe: &Lobe, d: [f64; 2]) -> f64 {
-    let (x, y) = (d[0] - lobe.offset[0], d[1] - lobe.offset[1]);
-    let [a, b, c] = lobe.root;
-    let (u, v) = (a * x, b * x + c * y);
-    lobe.constant - 0.5 * (u * u + v * v)
-}
+    /// ln(weight N(d; offset, X)).
+    pub fn log_density(&self, d: [f64; 2]) -> f64 {
+        let (x, y) = (d[0] - self.offset[0], d[1] - self.offset[1]);
+        let [a, b, c] = self.root;
+        let (u, v) = (a * x, b * x + c * y);
+        self.constant - 0.5 * (u * u + v * v)
+    }
 
-/// X^-1.
-pub(crate) fn information(lobe: &Lobe) -> Matrix<2, 2> {
-    let [a, b, c] = lobe.root;
-    Matrix([[a * a + b * b, b * c], [b * c, c * c]])
+    /// X^-1.
+    pub fn information(&self) -> Matrix<2, 2> {
+        let [a, b, c] = self.root;
+        Matrix([[a * a + b * b, b * c], [b * c, c * c]])
+    }
 }
 
 /// ln sum exp.

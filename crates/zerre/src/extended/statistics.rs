@@ -2,7 +2,7 @@
 
 use super::shape::{Ellipse, Shape};
 use crate::error::{Error, Result};
-use crate::math::Matrix;
+use crate::math::{Matrix, Real};
 use serde::{Deserialize, Serialize};
 
 /// What an ellipse is known by: sums over points d about the centre, each counted by the probability that it came
@@ -18,6 +18,12 @@ pub struct Sums {
 }
 
 impl Sums {
+    /// From numbers in the order of the fields, none for those that there are not.
+    pub(crate) fn from_moments(s: &[f64]) -> Sums {
+        let at = |k: usize| s.get(k).copied().unwrap_or_default();
+        Sums { count: at(0), first: [at(1), at(2)], second: [at(3), at(4), at(5)] }
+    }
+
     /// Takes in points about `d` with covariance `spread`, `share` of them.
     pub fn add(&mut self, share: f64, d: [f64; 2], spread: &Matrix<2, 2>) {
         let [x, y] = d;
@@ -120,13 +126,13 @@ impl MStep {
 pub fn eigen(a: &Matrix<2, 2>) -> ([f64; 2], [f64; 2]) {
     let [[p, q], [_, r]] = a.0;
     let (half, mean) = (0.5 * (p - r), 0.5 * (p + r));
-    let root = half.hypot(q);
+    let root = Real::hypot(half, q);
     if root == 0.0 {
         return ([mean; 2], [1.0, 0.0]);
     }
     // (q, root - half) and (root + half, q) both lie along the axis; the longer is the more exact.
     let v = if half > 0.0 { [root + half, q] } else { [q, root - half] };
-    let length = v[0].hypot(v[1]);
+    let length = Real::hypot(v[0], v[1]);
     ([mean + root, mean - root], [v[0] / length, v[1] / length])
 }
 

@@ -2,12 +2,12 @@
 
 use super::path::{Leap, Moments};
 use super::rate::Rate;
-use super::shape::{Ellipse, MAX_ELLIPSES, Shape, information, lobe, log_density, log_sum_exp};
+use super::shape::{Ellipse, Lobe, MAX_ELLIPSES, Shape, log_sum_exp};
 use super::statistics::{MStep, Sums};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, MotionTangent, Outcome, Update};
-use crate::kernels::{self, Lobe, Simd};
+use crate::kernels::{self, Simd};
 use crate::math::{Dual, Matrix, Real, ln};
 use crate::model::Motion;
 use crate::rng::Stream;
@@ -254,7 +254,7 @@ where
         let seen = self.seen(&scan.smoothed);
         let mut there = [Lobe { offset: [0.0; 2], root: [0.0; 3], constant: 0.0 }; MAX_ELLIPSES];
         for (there, lobe) in there.iter_mut().zip(lobes) {
-            let j = information(lobe);
+            let j = lobe.information();
             let blur = j.0[0][0] * seen.spread.0[0][0]
                 + 2.0 * j.0[0][1] * seen.spread.0[0][1]
                 + j.0[1][1] * seen.spread.0[1][1];
@@ -264,7 +264,7 @@ where
         let mut shared = [[0.0; 6]; MAX_ELLIPSES];
         let [x, y] = &scan.points;
         let count = lobes.len();
-        let bound = kernels::share(self.simd, [x, y], &there[..count], level, &mut shared[..count]);
+        let bound = kernels::share_points(self.simd, [x, y], &there[..count], level, &mut shared[..count]);
         for (sums, [n, x, y, xx, xy, yy]) in scan.sums.iter_mut().zip(shared).take(count) {
             *sums = Sums { count: n, first: [x, y], second: [xx, xy, yy] }.about(seen.at);
         }
@@ -277,7 +277,7 @@ where
     fn measured(&self, scan: &Scan<N>, lobes: &[Lobe]) -> (Matrix<2, 2>, [f64; 2]) {
         let (mut total, mut vector) = (Matrix::<2, 2>::ZERO, [0.0; 2]);
         for (lobe, sums) in lobes.iter().zip(&scan.sums) {
-            let j = information(lobe);
+            let j = lobe.information();
             total = total + j * sums.count;
             let rest: [f64; 2] = from_fn(|k| sums.first[k] - sums.count * lobe.offset[k]);
             vector[0] += j.0[0][0] * rest[0] + j.0[0][1] * rest[1];
@@ -365,7 +365,7 @@ where
 
     fn digest(&self, shape: &Shape, lobes: &mut [Lobe]) -> Result<()> {
         for (place, ellipse) in lobes.iter_mut().zip(shape.ellipses()) {
-            *place = lobe(&Ellipse { extent: ellipse.extent + self.settings.noise, ..*ellipse })?;
+            *place = Lobe::of(&Ellipse { extent: ellipse.extent + self.settings.noise, ..*ellipse })?;
         }
         Ok(())
     }
@@ -542,10 +542,10 @@ pub fn predictive_score<C: Centre<N>, const N: usize>(
     let seen = centre.at(Dual::<N>::variables(*state.mean()));
     let spread = Matrix(seen.map(|s| s.gradient)).congruence(state.covariance());
     let at = seen.map(|s| s.value);
-    let lobes: Vec<Lobe> = shape.blurred(&spread).ellipses().iter().map(lobe).collect::<Result<_>>()?;
+    let lobes: Vec<Lobe> = shape.blurred(&spread).ellipses().iter().map(Lobe::of).collect::<Result<_>>()?;
     let score = |y: &[f64; 2]| {
         let logs: Vec<f64> =
-            lobes.iter().map(|lobe| log_density(lobe, [y[0] - at[0], y[1] - at[1]])).collect();
+            lobes.iter().map(|lobe| lobe.log_density([y[0] - at[0], y[1] - at[1]])).collect();
         log_sum_exp(&logs)
     };
     Ok(points.iter().map(score).sum())

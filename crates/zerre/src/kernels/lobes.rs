@@ -56,7 +56,13 @@ fn take<R: Real>(d: [R; 2], keep: R, lobes: &[Lobe], rest: f64, sums: &mut [[R; 
 
 /// Shares the points (x, y) among `lobes` and a background of log-density `rest`, in `sums`; returns the sum over points
 /// of ln(sum of all densities).
-pub(crate) fn share(level: Simd, [x, y]: [&[f64]; 2], lobes: &[Lobe], rest: f64, sums: &mut [Shared]) -> f64 {
+pub(crate) fn share_points(
+    level: Simd,
+    [x, y]: [&[f64]; 2],
+    lobes: &[Lobe],
+    rest: f64,
+    sums: &mut [Shared],
+) -> f64 {
     #[inline(always)]
     fn run<S: Token>(
         simd: S,
@@ -138,7 +144,7 @@ mod tests {
             for rest in [f64::NEG_INFINITY, -1.0] {
                 let of = |level| {
                     let mut sums = [[0.0; 6]; 3];
-                    let bound = share(level, [&x, &y], &lobes, rest, &mut sums);
+                    let bound = share_points(level, [&x, &y], &lobes, rest, &mut sums);
                     (sums, bound)
                 };
                 let expected = of(Simd::scalar());
@@ -169,7 +175,7 @@ mod tests {
         }
         // Points that nobody explains are nobody's.
         let mut sums = [[0.0; 6]; 3];
-        let bound = share(Simd::best(), [&[1e200], &[0.0]], &lobes, f64::NEG_INFINITY, &mut sums);
+        let bound = share_points(Simd::best(), [&[1e200], &[0.0]], &lobes, f64::NEG_INFINITY, &mut sums);
         assert!(bound < -1e300 && sums.iter().flatten().all(|s| !s.is_nan()));
     }
 }
