@@ -4,7 +4,16 @@
 //! |---|---|
 //! | [`shape`] | unions of ellipses |
 //! | [`statistics`] | sums over points, and the shape that follows from them |
+//! | [`window`] | union of ellipses by variational expectation maximisation over a window of scans |
+//! | [`random_matrix`] | one ellipse as a random matrix, its law inverse Wishart ([`inverse_wishart`]) |
+//! | [`mem_ekf`] | one ellipse as orientation and semi-axes, by multiplicative noise |
+//! | [`contour`] | a star-convex outline, its radius a Gaussian process |
 
+mod centre;
+pub mod contour;
+pub mod inverse_wishart;
+pub mod mem_ekf;
+pub mod random_matrix;
 pub mod rate;
 pub mod shape;
 pub mod statistics;
