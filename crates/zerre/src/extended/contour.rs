@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 
 /// Law of the radius before any point: `radius` plus a Gaussian process with covariance
 /// `deviation`^2 exp(-2 sin^2(u / 2) / `length`^2) + `common`^2 between angles that lie u apart (Wahlström and Özkan
-/// 2015, equations 15 and 17).
+/// 2015).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RadiusProcess {
     /// Mean radius, m.
@@ -25,7 +25,7 @@ pub struct RadiusProcess {
     pub common: f64,
     /// Standard deviation of what they differ by, m.
     pub deviation: f64,
-    /// Length scale, rad: pi/4 in the paper.
+    /// Length scale, rad: pi/4 follows smooth outlines, corners need less.
     pub length: f64,
 }
 
@@ -43,6 +43,9 @@ impl Depth {
     pub const EDGE: Depth = Depth { mean: 1.0, variance: 0.0 };
     /// Points spread evenly over the inside, whose squared share is uniform.
     pub const SURFACE: Depth = Depth { mean: 2.0 / 3.0, variance: 1.0 / 18.0 };
+    /// Points of a normal law whose outline is drawn at two standard deviations: the share is half a Rayleigh number,
+    /// of mean sqrt(pi / 8) and variance 1/2 - pi/8.
+    pub const NORMAL: Depth = Depth { mean: 0.626_657_068_657_750_1, variance: 0.107_300_918_301_275_9 };
 }
 
 /// Settings of a [`Contour`].
@@ -64,8 +67,12 @@ pub struct ContourSettings {
 /// interpolated from the radii, with the interpolation's variance for noise. The outline keeps its
 /// orientation. Angles are counterclockwise from the first axis.
 ///
-/// For points nearer than the (share of the) radius, the angle is taken to turn with the centre as slowly as
-/// at the radius: in the paper's tangent it turns without bound towards the centre.
+/// In the tangent by the centre each point has the share of the radius at which it is seen. With the mean share in its
+/// place, points that lie further out or in would tell of the centre across the radius, where by the choice of the
+/// angle there is no error: the filter would believe its prediction and lose the target.
+///
+/// Centre and outline move against each other unseen (the first harmonic of the radius is a shift), so the state is
+/// known no better than the prior of both says; what is seen is the outline in the plane.
 ///
 /// Its evidence is the density of the points by the tangents: normal, all points of the scan together, the angles at
 /// which they are seen being given.
@@ -235,11 +242,9 @@ where
             let (u, distance) = direction(d);
             let radius = self.radius_along(ahead.radii.mean(), u);
             let share = depth.mean * radius.mean;
-            // How the point moves with the centre (equation 29, its angle turning with the centre).
-            let across = [-u[1], u[0]];
-            let lever = distance.max(share).max(1e-6 * process.radius);
-            let turn = from_fn(|k| (share * across[k] + depth.mean * radius.slope * u[k]) / lever);
-            let by_state = (Matrix::identity() - Matrix::outer(&turn, &across)) * seen.slope;
+            // How the point moves with the centre: its angle turns by the inverse of its distance, share and radius.
+            let lean = radius.slope / radius.mean.max(1e-6 * process.radius);
+            let by_state = Matrix::outer(&u, &[u[0] + lean * u[1], u[1] - lean * u[0]]) * seen.slope;
             let by_radii = Matrix::outer(&u, &radius.weights.map(|w| depth.mean * w));
             let known = ahead.radii.covariance().quadratic(&radius.weights, &radius.weights) + radius.rest;
             let along = depth.mean * depth.mean * radius.rest
@@ -320,7 +325,12 @@ where
         Ok(ContourBelief { time: at, state: self.prior, radii, cross: Matrix::ZERO })
     }
 
-    fn step(&self, belief: &mut ContourBelief<N, B>, to: Time, scan: Option<&Vec<[f64; 2]>>) -> Result<Update> {
+    fn step(
+        &self,
+        belief: &mut ContourBelief<N, B>,
+        to: Time,
+        scan: Option<&Vec<[f64; 2]>>,
+    ) -> Result<Update> {
         let mut next = self.ahead(belief, to)?;
         let (mut log_evidence, mut outcome) = (0.0, Outcome::Predicted);
         if let Some(points) = scan {

@@ -78,10 +78,10 @@ impl InverseWishart {
 
     /// The interval that holds u'Xu, the variance along a unit vector u, with probability `level`, as much being left
     /// below as above: u'Xu is u'Vu over a chi-square of dof - 1 degrees of freedom (Gupta and Nagar, Matrix Variate
-    /// Distributions, theorem 3.4.9). With u along an axis of the plane it is that of the component X_11 or X_22.
+    /// Distributions, chapter 3). With u along an axis of the plane it is that of the component X_11 or X_22.
     ///
     /// # Errors
-    /// A level outside (0, 1), a direction that is not finite.
+    /// A level outside (0, 1), a direction that is not finite, more than 2e7 degrees of freedom.
     pub fn variance_interval(&self, direction: [f64; 2], level: f64) -> Result<[f64; 2]> {
         if Error::positive("level of an interval", level)? >= 1.0 {
             let needs = "it must be below 1";
@@ -99,7 +99,7 @@ impl InverseWishart {
     /// in the intervals.
     ///
     /// # Errors
-    /// A level outside (0, 1).
+    /// A level outside (0, 1), more than 2e7 degrees of freedom.
     pub fn semi_axes(&self, level: f64) -> Result<[SemiAxis; 2]> {
         let (values, [c, s]) = eigen(&self.mean);
         let axis = |value: f64, direction: [f64; 2]| {
@@ -110,7 +110,7 @@ impl InverseWishart {
     }
 
     /// What is left of it after a time that keeps the share `keep`: the same mean, and degrees of freedom that fall
-    /// towards 5, the fewest with a variance (Feldmann, Fränken and Koch 2011, equation 21). A law with fewer stays.
+    /// towards 5, the fewest with a variance (Feldmann, Fränken and Koch 2011). A law with fewer stays.
     #[must_use]
     pub fn forgotten(&self, keep: f64) -> InverseWishart {
         let dof = if self.dof > 5.0 { keep.mul_add(self.dof - 5.0, 5.0) } else { self.dof };

@@ -36,7 +36,7 @@ impl Default for MemSettings {
     }
 }
 
-/// The filter (Yang and Baum, IEEE Transactions on Signal Processing 67(18), 2019, table I): points
+/// The filter (Yang and Baum, IEEE Transactions on Signal Processing 67(18), 2019): points
 /// y = h(x) + R(a) diag(l1, l2) h + v, taken in one after the other, each by a Kalman update of the state, and one of
 /// the shape p = (a, l1, l2) by the squares and the product of its innovation. Orders of the points differ in rounding
 /// and linearisation only.
@@ -137,7 +137,7 @@ where
         let p = axes.mean();
         let (sin, cos) = sin_cos(p[0]);
         let s = sides(p);
-        // Rows of S and how they change with p (equation 12): S_m h has the gradient J_m' h.
+        // Rows of S and how they change with p: S_m h has the gradient J_m' h.
         let j = [
             Matrix([[-p[1] * sin, cos, 0.0], [-p[2] * cos, 0.0, -sin]]),
             Matrix([[p[1] * cos, sin, 0.0], [-p[2] * sin, 0.0, cos]]),
@@ -166,11 +166,8 @@ where
             from_fn(|k| c * (s.0[m][0] * j[n].0[0][k] + s.0[m][1] * j[n].0[1][k]))
         };
         let (first, second, mixed) = (along(0, 0), along(1, 1), [along(0, 1), along(1, 0)]);
-        let slope = Matrix([
-            first.map(|x| 2.0 * x),
-            second.map(|x| 2.0 * x),
-            from_fn(|k| mixed[0][k] + mixed[1][k]),
-        ]);
+        let slope =
+            Matrix([first.map(|x| 2.0 * x), second.map(|x| 2.0 * x), from_fn(|k| mixed[0][k] + mixed[1][k])]);
         let gain = Cholesky::of("covariance of the squared innovation", &spread)?
             .solve_matrix(&(slope * *axes.covariance()))
             .transpose();

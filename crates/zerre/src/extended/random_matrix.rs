@@ -116,7 +116,8 @@ impl Summary {
         let apart = |y: &[f64; 2], from: [f64; 2]| [y[0] - from[0], y[1] - from[1]];
         let sum = points.iter().map(|y| apart(y, first)).fold([0.0; 2], |s, d| [s[0] + d[0], s[1] + d[1]]);
         let mean = [first[0] + sum[0] / count, first[1] + sum[1] / count];
-        let scatter = points.iter().map(|y| apart(y, mean)).fold(Matrix::ZERO, |s, d| s + Matrix::outer(&d, &d));
+        let scatter =
+            points.iter().map(|y| apart(y, mean)).fold(Matrix::ZERO, |s, d| s + Matrix::outer(&d, &d));
         Some(Summary { count, mean, scatter })
     }
 }
@@ -194,15 +195,14 @@ where
                     let both = inverse * b;
                     0.5 * unit * (both.0[0][0] + both.0[1][1])
                 };
-                let bare = Matrix::from_entries(|i, j| if i % 2 == j % 2 { block(i & !1, j & !1) } else { 0.0 });
+                let bare =
+                    Matrix::from_entries(|i, j| if i % 2 == j % 2 { block(i & !1, j & !1) } else { 0.0 });
                 let now = Gaussian::computed("mean", "covariance", *belief.state.mean(), bare)?;
                 let ahead = predict_law(&Tangent, &self.motion, &now, belief.time, to)?;
                 check_alike("motion", ahead.covariance())?;
                 ahead
             }
-            Rule::Feldmann { .. } => {
-                predict_law(&Tangent, &self.motion, &belief.state, belief.time, to)?
-            }
+            Rule::Feldmann { .. } => predict_law(&Tangent, &self.motion, &belief.state, belief.time, to)?,
         };
         let keep = self.settings.forgetting.map_or(1.0, |tau| exp(-(to - belief.time).secs() / tau));
         Ok((state, belief.extent.forgotten(keep)))
@@ -231,7 +231,11 @@ where
             Rule::Koch { unit } => {
                 check_alike("centre", &seen.spread)?;
                 let s = seen.spread.0[0][0] / unit + scaling / n;
-                (identity * (1.0 / s.sqrt()), identity * (1.0 / scaling.sqrt()), identity * (scaling * unit / n))
+                (
+                    identity * (1.0 / s.sqrt()),
+                    identity * (1.0 / scaling.sqrt()),
+                    identity * (scaling * unit / n),
+                )
             }
             Rule::Feldmann { noise } => {
                 let point = *extent.mean() * scaling + *noise;
@@ -244,7 +248,7 @@ where
         let scatter = by_mean.congruence(&Matrix::outer(&d, &d)) + by_point.congruence(&points.scatter);
         let after = extent.with(n, &scatter, self.settings.floor)?;
         let log_det = |m: &Matrix<2, 2>| ln(m.0[0][0] * m.0[1][1] - m.0[0][1] * m.0[1][0]);
-        // The law of innovation and residuals under X ~ IW is a matrix t (Gupta and Nagar, section 4.2).
+        // The law of innovation and residuals under X ~ IW is a matrix t.
         let log_evidence = InverseWishart::log_normaliser(&(extent.scale() + scatter), extent.dof() + n)?
             - InverseWishart::log_normaliser(&extent.scale(), extent.dof())?
             - n * ln(std::f64::consts::PI)

@@ -60,7 +60,8 @@ fn known_centre_has_the_closed_posterior() {
         assert!(apart(&belief.extent.mode(), &(scale * (1.0 / 46.0))) < 1e-10);
         let last = Cholesky::of("V", &scale).unwrap().log_det();
         let gamma = |a: f64| ln_gamma(0.5 * a) + ln_gamma(0.5 * (a - 1.0));
-        let by_hand = gamma(43.0) - gamma(8.0) + 4.0 * first - 21.5 * last
+        let by_hand = gamma(43.0) - gamma(8.0) + 4.0 * first
+            - 21.5 * last
             - 35.0 * (std::f64::consts::PI.ln() + scaling.ln());
         close(evidence, by_hand, 1e-10);
     }
@@ -229,17 +230,20 @@ fn forgetting_and_rate() {
     assert_eq!(later.extent.mean(), belief.extent.mean());
 }
 
-/// Points seen with noise of the size of the extent, the target moving unknown: over 30 seeds the mean extent lies
-/// within the interval of four standard errors of the truth, and within 3 % of its size: what 400 points and the
-/// prior of 8 leave is 2 / 100 each.
+/// Points seen with noise of the size of the extent, about a centre that is not known: over 30 seeds the mean extent
+/// lies within four standard errors of the truth, but for what is left of the first error. A scan corrects
+/// the share X (X + R)^-1 > 2/3 of it, so that of 5 degrees of freedom's worth of an error of at most 2 there remain
+/// 2 (5 / 805)^(2/3) = .07.
 #[test]
 fn noise_of_the_sensor_is_taken_off() {
     let noise = Matrix([[2.0, 0.0], [0.0, 1.0]]);
+    let settings = settings(Rule::Feldmann { noise });
+    let prior = Gaussian::independent([0.0, 0.0, 1.0, -2.0], [1.0, 1.0, 0.3, 0.3]).unwrap();
+    let extent = InverseWishart::new(Matrix([[5.0, 0.0], [0.0, 4.0]]), 8.0).unwrap();
+    let f = RandomMatrix::new(motion(0.0), FirstTwo, prior, extent, settings).unwrap();
     let mut entries = [const { Vec::new() }; 3];
     for seed in 0..30 {
-        let data = scans(&mut draws(100 + seed), &(EXTENT + noise), 100, 8);
-        let f = filter(0.5, 8.0, settings(Rule::Feldmann { noise }));
-        let (belief, _) = run(&f, &data);
+        let (belief, _) = run(&f, &scans(&mut draws(100 + seed), &(EXTENT + noise), 100, 8));
         let m = belief.extent.mean().0;
         entries[0].push(m[0][0] - 6.0);
         entries[1].push(m[0][1] - 1.5);
@@ -247,8 +251,7 @@ fn noise_of_the_sensor_is_taken_off() {
     }
     for e in &entries {
         let (mean, error) = mean_and_error(e);
-        println!("{mean} {error}");
-        assert!(mean.abs() < 4.0 * error + 0.02 * 6.0, "{mean} {error}");
+        assert!(mean.abs() < 4.0 * error + 0.07, "{mean} {error}");
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
 use zerre::belief::Gaussian;
-use zerre::extended::window::FirstTwo;
+
 use zerre::filter::{Filter, Outcome};
 use zerre::math::{Cholesky, Matrix};
 use zerre::model::motion::ConstantVelocity;
@@ -11,7 +11,6 @@ use zerre::rng::{Draws, Purpose, Stream};
 use zerre::{Error, Time};
 
 pub type Motion = ConstantVelocity<2>;
-pub const CENTRE: FirstTwo = FirstTwo;
 
 pub fn motion(density: f64) -> Motion {
     Motion::new(density).unwrap()
@@ -115,7 +114,10 @@ where
         // Scan upon scan of the same kind.
         for k in 2..20 {
             if *name != "many" {
-                assert!(f.step(&mut belief, at(k), Some(scan)).unwrap().log_evidence.is_finite(), "{name} {k}");
+                assert!(
+                    f.step(&mut belief, at(k), Some(scan)).unwrap().log_evidence.is_finite(),
+                    "{name} {k}"
+                );
             }
         }
         assert!(sound(&belief), "{name}: {belief:?}");
