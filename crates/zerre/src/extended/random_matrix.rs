@@ -145,7 +145,7 @@ fn dressed<const N: usize>(covariance: &Matrix<N, N>, by: &Matrix<2, 2>) -> Matr
 fn check_alike<const N: usize>(what: &'static str, covariance: &Matrix<N, N>) -> Result<()> {
     let limit = 1e-9 * covariance.max_abs();
     let alike = dressed(covariance, &Matrix::identity());
-    if N % 2 == 0 && (*covariance - alike).max_abs() <= limit {
+    if N.is_multiple_of(2) && (*covariance - alike).max_abs() <= limit {
         return Ok(());
     }
     let why = format!("Koch's rule needs a {what} of planar vectors, the same along both axes");

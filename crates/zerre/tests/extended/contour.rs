@@ -153,6 +153,22 @@ fn finds_a_box_but_for_its_corners() {
     }
 }
 
+/// An outline that is known finds its centre, .05 off along each axis, in one scan: by the tangent up to the square of
+/// that over the least radius of curvature (b^2 / a = 1.33), .004, and the noise of .1 over 5000 points on two axes,
+/// four times .1 sqrt(2 / 5000) = .008.
+#[test]
+fn a_known_outline_finds_its_centre() {
+    let f = filter(0.0, SETTINGS);
+    let (learnt, _) = run(&f, &scans(&mut draws(6), ellipse, false, 1, 10_000));
+    let mut belief = f.start(Time::ZERO, Stream::new(1)).unwrap();
+    belief.radii = learnt.radii;
+    belief.state = Gaussian::independent([0.05, -0.05, 1.0, -2.0], [0.3, 0.3, 0.0, 0.0]).unwrap();
+    f.step(&mut belief, at(1), Some(&scans(&mut draws(7), ellipse, false, 1, 5000)[0])).unwrap();
+    let x = belief.state.mean();
+    let e = (x[0] - 1.0).hypot(x[1] + 2.0);
+    assert!(e < 0.012, "{e}");
+}
+
 /// A quarter turn moves the angles onto each other: rounding alone.
 #[test]
 fn a_quarter_turn_of_the_plane_turns_the_answer() {
