@@ -1,5 +1,12 @@
-//! Extended targets: laws of the window filter, against closed forms, enumeration and simulation.
+//! Extended targets: laws of every filter, against closed forms, enumeration and simulation.
 
+mod baselines;
+mod batch;
+mod contour;
+mod mem_ekf;
+mod online;
+mod random_matrix;
+mod single;
 mod window;
 
 use zerre::Time;
