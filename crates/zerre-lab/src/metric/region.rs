@@ -152,9 +152,8 @@ impl Part {
     /// Where the sides of a polygon cross the line at height `y`.
     fn crossings(&self, y: f64) -> impl Iterator<Item = f64> {
         let corners: &[[f64; 2]] = if let Part::Polygon(corners) = self { corners } else { &[] };
-        sides(corners).filter_map(move |(p, q)| {
-            ((p[1] <= y) != (q[1] <= y)).then(|| p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]))
-        })
+        let crossing = sides(corners).filter(move |(p, q)| (p[1] <= y) != (q[1] <= y));
+        crossing.map(move |(p, q)| p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]))
     }
 
     /// Whether a point lies inside.

@@ -182,16 +182,17 @@ fn oracle(task: &Task<'_>) -> Result<Vec<Estimate>> {
     let m_step = MStep { prior: 0.0, floor: FLOOR, weights: false };
     let record = task.record;
     let each = record.path.iter().zip(&record.scans).zip(&record.origins);
-    let estimate = |((&[x, y, ..], points), origins): ((&[f64; 4], &Vec<[f64; 2]>), &Vec<usize>)| {
+    let mut estimates = Vec::with_capacity(record.path.len());
+    for ((&[x, y, ..], points), origins) in each {
         for (p, origin) in points.iter().zip(origins) {
             if let Some(sums) = sums.get_mut(*origin) {
                 sums.add(1.0, [p[0] - x, p[1] - y], &Matrix::ZERO);
             }
         }
         let shape = m_step.shape(&sums, &task.start, &Matrix::ZERO)?;
-        Ok(Estimate { centre: [x, y], body: Body::Ellipses(shape) })
-    };
-    each.map(estimate).collect()
+        estimates.push(Estimate { centre: [x, y], body: Body::Ellipses(shape) });
+    }
+    Ok(estimates)
 }
 
 #[cfg(test)]
