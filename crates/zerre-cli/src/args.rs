@@ -258,6 +258,7 @@ Examples:
   zerre reproduce multiple-model --quick            a short version
   zerre reproduce multiple-model --table 6.1 --table 6.13
   zerre reproduce bayes-family --table ungm         one world
+  zerre reproduce extended-target --runs 200        narrower intervals
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
 Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval,
@@ -278,7 +279,7 @@ pub struct Reproduce {
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
     /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's,
-    /// separated by commas
+    /// separated by commas; one for extended-target
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,

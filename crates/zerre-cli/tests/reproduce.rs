@@ -42,11 +42,14 @@ fn papers_are_listed_and_unknown_ones_refused() {
     let list = json(&here, "reproduce");
     assert_eq!(list["papers"][0]["name"], "multiple-model");
     assert_eq!(list["papers"][1]["name"], "bayes-family");
+    assert_eq!(list["papers"][2]["name"], "extended-target");
     for (line, word) in [
         ("reproduce multiple-modle", "multiple-model"),
         ("reproduce multiple-model --table 7.1", "7.1"),
         ("reproduce multiple-model --table 6.14", "6.14"),
         ("reproduce bayes-family --table growth", "growth-q1"),
+        ("reproduce extended-target --table cluter", "clutter"),
+        ("reproduce extended-target --particles 10,20", "one number of particles"),
     ] {
         let output = zerre(&here, line);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -219,6 +222,73 @@ fn the_bayesian_family_is_compared_world_by_world() {
         rows.map(|row| row["value"].as_f64().unwrap()).collect()
     };
     let (a, b) = (errors(&first), errors(&other));
+    assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a != b));
+}
+
+/// The extended target in all its scenes: columns, printed values, threads, seeds, pictures.
+#[test]
+fn the_extended_target_is_run_in_all_scenes() {
+    let here = folder("extended");
+    let line = "reproduce extended-target --runs 3";
+    let first = json(&here, &format!("{line} --threads 1 --out one"));
+    let second = json(&here, &format!("{line} --threads 2 --out two"));
+    assert_eq!(first["estimates_digest"], second["estimates_digest"]);
+    assert_eq!(first["rows"], second["rows"]);
+    let rows = first["rows"].as_array().unwrap();
+    for row in rows {
+        for key in
+            ["method", "scans", "start", "clutter", "rate", "metric", "statistic", "clutter_model", "runs"]
+        {
+            assert!(!row[key].is_null(), "{key}: {row}");
+        }
+        let number = |key: &str| row[key].as_f64().unwrap();
+        assert!(number("low") <= number("value") && number("value") <= number("high"), "{row}");
+        let share = ["iou", "fail", "as_good"].iter().any(|metric| row["metric"] == *metric);
+        assert!(number("value") >= 0.0 && (!share || number("value") <= 1.0), "{row}");
+        let mean = row["metric"] == "fail" || row["metric"] == "as_good";
+        assert_eq!(row["statistic"], if mean { "mean" } else { "median" });
+    }
+    for metric in ["shape_error", "gw", "iou", "fail", "centroid_rmse"] {
+        for (scans, start) in
+            [10, 50, 100].into_iter().flat_map(|n| ["near", "data", "truth"].map(|s| (n, s)))
+        {
+            let wanted = |row: &&Value| {
+                row["method"] == "window-vb"
+                    && row["metric"] == metric
+                    && (&row["scans"], &row["start"]) == (&scans.into(), &start.into())
+                    && (&row["clutter"], &row["rate"]) == (&0.into(), &9.into())
+            };
+            let found: Vec<&Value> = rows.iter().filter(wanted).collect();
+            assert_eq!(found.len(), 1, "{metric} {scans} {start}");
+            // The printed shape gives two of the numbers, in the scene of the paper alone.
+            let printed = scans == 10 && start == "near" && (metric == "shape_error" || metric == "gw");
+            assert_eq!(!found[0]["paper_value"].is_null(), printed, "{}", found[0]);
+        }
+    }
+    for (key, values) in [("clutter", [1, 3].as_slice()), ("rate", &[27])] {
+        assert!(values.iter().all(|value| rows.iter().any(|row| row[key] == *value)), "{key}");
+    }
+    for name in ["table-scene", "table-clutter", "table-rate", "rows"] {
+        assert!(here.join(format!("one/{name}.csv")).exists(), "{name}");
+    }
+    let page = fs::read_to_string(here.join("one/report.html")).unwrap();
+    for text in ["How likely the printed numbers are", "as good as the printed one", "scans along the path"] {
+        assert!(page.contains(text), "{text}");
+    }
+    // The points and the outline of every one of fifty scans.
+    let animations: Vec<&str> = page.split("<animate ").skip(1).collect();
+    assert!(!animations.is_empty());
+    for animation in animations {
+        let values = animation.split("values=\"").nth(1).unwrap().split('"').next().unwrap();
+        assert_eq!(values.split(';').count(), 50);
+    }
+    let other = json(&here, &format!("{line} --seed 2 --out other"));
+    let values = |document: &Value| -> Vec<f64> {
+        let rows = document["rows"].as_array().unwrap().iter();
+        let continuous = |row: &&Value| row["metric"] != "fail" && row["metric"] != "as_good";
+        rows.filter(continuous).map(|row| row["value"].as_f64().unwrap()).collect()
+    };
+    let (a, b) = (values(&first), values(&other));
     assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a != b));
 }
 

@@ -6,6 +6,7 @@
 pub mod belief;
 pub mod catalog;
 pub mod error;
+pub mod extended;
 pub mod filter;
 pub mod kernels;
 pub mod math;

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 use zerre_lab::paper::bayes_family::{self, BayesFamily};
+use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
 use zerre_lab::paper::{PAPERS, Paper};
@@ -27,6 +28,8 @@ pub(super) fn run(args: &Reproduce, options: &Global, console: &Console) -> Resu
     }
     if name == bayes_family::PAPER.name {
         bayes_family(args, options, console)
+    } else if name == extended_target::PAPER.name {
+        extended_target(args, options, console)
     } else {
         multiple_model(args, options, console)
     }
@@ -152,6 +155,33 @@ fn bayes_family(args: &Reproduce, options: &Global, console: &Console) -> Result
     let experiment =
         BayesFamily::new(request, options.seed).map_err(|error| Diagnostic::new(error.to_string()))?;
     reproduce(paper, &experiment, bayes_family::SETTINGS, what, (args, options), console)
+}
+
+fn extended_target(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let paper = &extended_target::PAPER;
+    let mut request = extended_target::Request::new(args.quick);
+    if !args.table.is_empty() {
+        let known = |name: &String| {
+            let table = paper.tables.iter().find(|table| **table == name.as_str());
+            table.copied().ok_or_else(|| unknown("table", name, paper.tables))
+        };
+        request.tables = args.table.iter().map(known).collect::<Result<_, _>>()?;
+    }
+    if let Some(runs) = args.runs {
+        request.runs = runs.get() as usize;
+    }
+    match args.particles[..] {
+        [] => {}
+        [particles] => request.particles = particles.get() as usize,
+        _ => {
+            let what = format!("{} takes one number of particles, not several", paper.name);
+            return Err(Diagnostic::usage(what));
+        }
+    }
+    let config = json!({ "tables": request.tables, "particles": request.particles });
+    let what = (request.runs, config);
+    let experiment = ExtendedTarget::new(request, options.seed);
+    reproduce(paper, &experiment, extended_target::SETTINGS, what, (args, options), console)
 }
 
 /// The command line that gives this run again.

@@ -10,7 +10,9 @@ mod median_error;
 mod nees;
 mod nis;
 mod ospa;
+mod region;
 mod rmse;
+mod shape;
 
 pub use coverage::{Coverage, coverage, wilson_interval};
 pub use crps::{crps_gaussian, crps_sample};
@@ -21,7 +23,9 @@ pub use median_error::median_error;
 pub use nees::{MeanChiSquare, anees, nees};
 pub use nis::nis;
 pub use ospa::ospa;
+pub use region::Region;
 pub use rmse::{Rmse, rmse};
+pub use shape::{ShapeErrors, gauss_wasserstein_squared, mixture_wasserstein, shape_errors};
 
 use crate::error::{Error, Result};
 

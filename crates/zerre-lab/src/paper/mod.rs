@@ -1,6 +1,7 @@
 //! Experiments of published papers, done again: our numbers beside the printed ones.
 
 pub mod bayes_family;
+pub mod extended_target;
 pub mod multiple_model;
 
 /// One paper, as lists show it.
@@ -17,4 +18,4 @@ pub struct Paper {
 }
 
 /// The papers whose experiments are here.
-pub const PAPERS: &[Paper] = &[multiple_model::PAPER, bayes_family::PAPER];
+pub const PAPERS: &[Paper] = &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER];

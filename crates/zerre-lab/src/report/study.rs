@@ -124,6 +124,8 @@ pub struct Series {
     pub name: String,
     /// Its points; those that are not finite interrupt it.
     pub points: Vec<[f64; 2]>,
+    /// Points that it has one after the other, in an animation; the last where there is none, as on paper.
+    pub frames: Vec<Vec<[f64; 2]>>,
     /// Drawn as dots.
     pub dots: bool,
     /// Drawn thin and dotted, in the colour of the text: what the others are compared with.
@@ -137,6 +139,8 @@ const LEFT: f64 = 58.0;
 const RIGHT: f64 = 10.0;
 const TOP: f64 = 10.0;
 const BOTTOM: f64 = 40.0;
+/// Seconds that a frame of an animation stays.
+const FRAME: f64 = 0.25;
 /// Colours of the palette; further series are dashed.
 const COLOURS: usize = 6;
 
@@ -283,7 +287,12 @@ fn log10(value: f64) -> f64 {
 fn figure(out: &mut String, figure: &Figure) {
     let height = if figure.map { MAP_HEIGHT } else { HEIGHT };
     let (wide, high) = (WIDTH - LEFT - RIGHT, height - TOP - BOTTOM);
-    let lines = |k: usize| figure.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
+    let drawn = |k: usize| {
+        move |s: &Series| -> Vec<f64> {
+            s.points.iter().chain(s.frames.iter().flatten()).map(|p| p[k]).collect()
+        }
+    };
+    let lines = |k: usize| figure.series.iter().flat_map(drawn(k));
     let all = |k: usize| lines(k).chain(figure.marks.iter().map(move |mark| mark.at[k]));
     let margin = if figure.map || !figure.marks.is_empty() { 0.05 } else { 0.0 };
     let mut x = Scale::over(all(0), margin, figure.logarithmic_x);
@@ -337,7 +346,6 @@ fn figure(out: &mut String, figure: &Figure) {
     let mut key = String::new();
     let mut coloured = 0;
     for series in &figure.series {
-        let points = series.points.iter().map(|p| at(*p));
         let colour = if series.reference {
             "--c:var(--ink)".to_owned()
         } else {
@@ -345,13 +353,28 @@ fn figure(out: &mut String, figure: &Figure) {
             format!("--c:var(--c{})", (coloured - 1) % COLOURS)
         };
         let dashed = if coloured > COLOURS || series.reference { " dashed" } else { "" };
-        let (class, d) = match (series.dots, series.reference) {
-            (true, _) => ("spots", dots(points)),
-            (false, true) => ("reference", path(points)),
-            (false, false) => ("mean", path(points)),
+        let class = match (series.dots, series.reference) {
+            (true, _) => "spots",
+            (false, true) => "reference",
+            (false, false) => "mean",
         };
-        let _ =
-            write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\"/></g>");
+        let line = |points: &[[f64; 2]]| {
+            let points = points.iter().map(|p| at(*p));
+            if series.dots { dots(points) } else { path(points) }
+        };
+        let d = line(series.frames.last().unwrap_or(&series.points));
+        let _ = write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\">");
+        if !series.frames.is_empty() {
+            let frames: Vec<String> = series.frames.iter().map(|points| line(points)).collect();
+            let _ = write!(
+                out,
+                "<animate attributeName=\"d\" calcMode=\"discrete\" dur=\"{}s\" repeatCount=\"indefinite\" \
+                 values=\"{}\"/>",
+                FRAME * frames.len() as f64,
+                frames.join(";")
+            );
+        }
+        out.push_str("</path></g>");
         let _ = write!(
             key,
             "<li style=\"{colour}\"><span class=\"swatch{dashed}\"></span>{}</li>",
@@ -481,6 +504,25 @@ mod tests {
         report.sections[0].tables[0].rows[0][0] = Shown { aside: evil.into(), ..evil.into() };
         let page = render(&report);
         assert!(!page.contains("<script"));
+    }
+
+    /// An animation has all its frames, rests on the last, and is on the page as a whole.
+    #[test]
+    fn frames_follow_each_other() {
+        let frames = vec![vec![[0.0, 0.0], [1.0, 0.0]], Vec::new(), vec![[0.0, 0.0], [10.0, 10.0]]];
+        let moving = Series { name: "moving".into(), frames, ..Series::default() };
+        let figure = Figure { map: true, series: vec![moving], ..Figure::default() };
+        let mut page = String::new();
+        super::figure(&mut page, &figure);
+        let between = |from: &str| page.split(from).nth(1).unwrap().split('"').next().unwrap().to_owned();
+        let frames = between("values=\"");
+        let frames: Vec<&str> = frames.split(';').collect();
+        assert_eq!((frames.len(), frames[1]), (3, ""));
+        assert_eq!(between("class=\"mean\" d=\""), frames[2]);
+        assert!(page.contains("dur=\"0.75s\"") && super::super::tests::is_balanced(&page));
+        let numbers = frames[2].split(['M', 'L', ',']).filter(|text| !text.is_empty());
+        let numbers: Vec<f64> = numbers.map(|text| text.parse().unwrap()).collect();
+        assert!(numbers.iter().all(|at| (0.0..=WIDTH).contains(at)), "{numbers:?}");
     }
 
     /// A length of one along x and along y is drawn alike on a map.

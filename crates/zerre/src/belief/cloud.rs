@@ -2,9 +2,9 @@
 
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
-use crate::kernels::{BLOCK, BlockSums, Total};
+use crate::kernels::{BLOCK, BlockSums, Simd, Threads, Total};
 use crate::math::{Matrix, Real};
-use crate::resample::Scratch;
+use crate::resample::{BlockWeights, Context, Resampling, Scratch};
 use crate::rng::Stream;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
@@ -207,6 +207,38 @@ impl<const N: usize> Cloud<N> {
             *sums = uniform_block(&self.states, b * BLOCK..((b + 1) * BLOCK).min(n));
         }
         (self.equal, self.pending, self.log_sum) = (true, false, Real::ln(n as f64));
+    }
+
+    /// Draws `children` survivors by the weights, whose sums are `total`; they are gathered when the next step
+    /// moves them. Returns how many particles were drawn at least once.
+    pub(crate) fn resample(
+        &mut self,
+        resampling: Resampling,
+        (level, threads): (Simd, &Threads),
+        total: &Total<N>,
+        children: usize,
+    ) -> usize {
+        self.ancestors.resize(children, 0);
+        let pairs = self.scratch.pairs(&self.blocks, total.max);
+        let context = Context { level, threads, stream: self.stream, step: self.step };
+        let from = BlockWeights { weights: &self.weights, blocks: &pairs };
+        let drawn = resampling.draw(context, from, &mut self.scratch, &mut self.ancestors);
+        self.scratch.return_pairs(pairs);
+        (self.pending, self.equal) = (true, true);
+        self.log_sum = Real::ln(children as f64);
+        drawn
+    }
+
+    /// Moves all particles by the same vector.
+    pub(crate) fn translate(&mut self, by: &[f64; N]) {
+        for (column, by) in self.states.iter_mut().zip(by) {
+            column.iter_mut().for_each(|x| *x += by);
+        }
+        for block in &mut self.blocks {
+            for (sum, by) in block.sum_states.iter_mut().zip(by) {
+                *sum += by * block.sum;
+            }
+        }
     }
 
     /// How many particles the next step has.

@@ -7,10 +7,8 @@ use crate::filter::settings::{Prior, Settings};
 use crate::filter::size::{Goal, Size};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Update};
 use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, Source, Survivors, Total};
-use crate::math::Real;
 use crate::model::{Likelihood, Motion, Noise};
 use crate::proposal::{Bootstrap, Models, Proposal};
-use crate::resample::{BlockWeights, Context};
 use crate::rng::{Purpose, Stream};
 use crate::time::Time;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -214,21 +212,9 @@ where
 
     /// Draws the survivors; they are gathered when the next step moves them.
     pub(super) fn resample(&self, cloud: &mut Cloud<N>, total: &Total<N>, goal: &Goal<'_>) -> usize {
-        let children = goal.count(self.settings.simd, cloud, total);
-        cloud.ancestors.resize(children, 0);
-        let pairs = cloud.scratch.pairs(&cloud.blocks, total.max);
-        let context = Context {
-            level: self.settings.simd,
-            threads: &self.settings.threads,
-            stream: cloud.stream,
-            step: cloud.step,
-        };
-        let from = BlockWeights { weights: &cloud.weights, blocks: &pairs };
-        let drawn = self.settings.resampling.draw(context, from, &mut cloud.scratch, &mut cloud.ancestors);
-        cloud.scratch.return_pairs(pairs);
-        (cloud.pending, cloud.equal) = (true, true);
-        cloud.log_sum = Real::ln(children as f64);
-        drawn
+        let Settings { simd, ref threads, resampling, .. } = self.settings;
+        let children = goal.count(simd, cloud, total);
+        cloud.resample(resampling, (simd, threads), total, children)
     }
 }
 

@@ -7,6 +7,7 @@
 #[macro_use]
 mod level;
 mod ensemble;
+mod lobes;
 mod noise;
 mod occupancy;
 mod philox;
@@ -15,6 +16,7 @@ mod propagate;
 mod propose;
 mod resample;
 mod score;
+mod share;
 mod transition;
 mod weigh;
 
@@ -23,6 +25,7 @@ pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
 pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
+pub(crate) use lobes::{Lobe, MAX_LOBES, share_points};
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use occupancy::{expected_occupied, log_absent};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
@@ -31,6 +34,7 @@ pub(crate) use resample::{
     Cumulative, Positions, checked_sum, expand_copies, fill_sorted, merge_sorted, prefix_sums, split_copies,
 };
 pub(crate) use score::score;
+pub(crate) use share::{Carried, Inherited, MAX_CARRIED, carried_sums, share, share_drawn};
 pub(crate) use transition::{add_log_transitions, centres, predict_density, transition_row};
 pub(crate) use weigh::{BlockSums, Total, weigh};
 

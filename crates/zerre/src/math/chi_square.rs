@@ -1,14 +1,14 @@
 //! The chi-square law: thresholds of gates, bounds of consistency tests.
 
-use super::gamma::regularised;
-use crate::error::{Error, Result};
+use super::gamma;
+use crate::error::Result;
 
 /// P(X <= x) for X chi-square with `dof` degrees of freedom.
 ///
 /// # Errors
 /// `x` negative or not finite, no degrees of freedom.
 pub fn cdf(x: f64, dof: u32) -> Result<f64> {
-    Ok(regularised(0.5 * f64::from(dof), 0.5 * x)?.0)
+    Ok(gamma::regularised(0.5 * f64::from(dof), 0.5 * x)?.0)
 }
 
 /// The x with P(X <= x) = `p`: the quantile, by bisection down to neighbouring numbers.
@@ -16,37 +16,7 @@ pub fn cdf(x: f64, dof: u32) -> Result<f64> {
 /// # Errors
 /// `p` outside [0, 1), no degrees of freedom.
 pub fn quantile(p: f64, dof: u32) -> Result<f64> {
-    if !(0.0..1.0).contains(&p) {
-        return Err(Error::OutOfRange {
-            what: "probability",
-            value: p,
-            needs: "it must be at least 0 and below 1",
-        });
-    }
-    let shape = 0.5 * f64::from(dof);
-    if p == 0.0 && dof > 0 {
-        return Ok(0.0);
-    }
-    // Compared in the smaller tail, where the digits are.
-    let below = |x: f64| -> Result<bool> {
-        let (lower, upper) = regularised(shape, 0.5 * x)?;
-        Ok(if p <= 0.5 { lower < p } else { upper > 1.0 - p })
-    };
-    let (mut low, mut high) = (0.0, f64::from(dof));
-    while below(high)? {
-        (low, high) = (high, 2.0 * high);
-    }
-    loop {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            return Ok(high);
-        }
-        if below(middle)? {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
+    Ok(2.0 * gamma::quantile(p, 0.5 * f64::from(dof))?)
 }
 
 #[cfg(test)]

@@ -53,6 +53,44 @@ pub fn regularised(a: f64, x: f64) -> Result<(f64, f64)> {
     }
 }
 
+/// The x with P(a, x) = `p`, a the `shape`: the quantile of the gamma law of scale 1, by bisection down to
+/// neighbouring numbers.
+///
+/// # Errors
+/// `p` outside [0, 1), a shape that [`regularised`] refuses.
+pub fn quantile(p: f64, shape: f64) -> Result<f64> {
+    if !(0.0..1.0).contains(&p) {
+        return Err(Error::OutOfRange {
+            what: "probability",
+            value: p,
+            needs: "it must be at least 0 and below 1",
+        });
+    }
+    if p == 0.0 && shape > 0.0 {
+        return Ok(0.0);
+    }
+    // Compared in the smaller tail, where the digits are.
+    let below = |x: f64| -> Result<bool> {
+        let (lower, upper) = regularised(shape, x)?;
+        Ok(if p <= 0.5 { lower < p } else { upper > 1.0 - p })
+    };
+    let (mut low, mut high) = (0.0, shape);
+    while below(high)? {
+        (low, high) = (high, 2.0 * high);
+    }
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return Ok(high);
+        }
+        if below(middle)? {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

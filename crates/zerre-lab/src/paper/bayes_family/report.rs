@@ -84,10 +84,10 @@ impl Results<'_> {
             entrants.iter().min_by(|a, b| ratio(&a.1).total_cmp(&ratio(&b.1)).then(a.0.cmp(&b.0)))
         {
             text += &format!(
-                "none here is as good as the best possible answer; the least error has {}, {}, {} % above it.",
+                "none here is as good as the best possible answer; the least error has {}, {}, {} times that answer's.",
                 self.named(cell),
                 priced(found),
-                percent(ratio(found) - 1.0)
+                Shown::from(ratio(found)).text
             );
         } else {
             text += "nothing is measured yet.";

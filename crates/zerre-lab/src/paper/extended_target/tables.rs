@@ -1,0 +1,252 @@
+//! Rows and tables from the outcomes of cells.
+
+use super::printed;
+use super::scenario::{Start, truth};
+use super::settings::RATE;
+use super::{Cell, Outcome, PAPER, Request, Run};
+use crate::study::interval::{Bootstraps, Estimate, mean, median};
+use crate::study::table::{Entry, Table};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// One number of one cell.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Method.
+    pub method: &'static str,
+    /// Length of the recording.
+    pub scans: usize,
+    /// `near`, `data` or `truth`.
+    pub start: &'static str,
+    /// Points of clutter in a scan, on average.
+    pub clutter: usize,
+    /// `none` without clutter, `known` to the method, or `ignored` by it.
+    pub clutter_model: &'static str,
+    /// Points of the target in a scan, on average.
+    pub rate: usize,
+    /// `shape_error`, `gw`, `iou`, `fail`, `centroid_rmse`, `mixture_wasserstein`, `hausdorff`, or `as_good`, the share of
+    /// runs with a shape error not above that of the printed estimate.
+    pub metric: &'static str,
+    /// `median` over runs, or `mean` of shares.
+    pub statistic: &'static str,
+    /// The number.
+    pub value: f64,
+    /// Lower end of its 95 % bootstrap interval over runs.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// That of the printed estimate, in the paper's scene.
+    pub paper_value: Option<f64>,
+    /// Runs.
+    pub runs: usize,
+}
+
+/// Metrics of rows with their statistics.
+pub(super) const METRICS: [(&str, &str); 8] = [
+    ("shape_error", "median"),
+    ("gw", "median"),
+    ("iou", "median"),
+    ("fail", "mean"),
+    ("centroid_rmse", "median"),
+    ("mixture_wasserstein", "median"),
+    ("hausdorff", "median"),
+    ("as_good", "mean"),
+];
+
+/// Cells of which pictures are drawn: those from the start `near` in the paper's scene, of any length.
+pub(super) fn is_pictured(cell: &Cell) -> bool {
+    (cell.rate, cell.clutter) == (RATE, 0) && cell.start == Start::Near
+}
+
+/// Everything that was computed, ready to be shown.
+#[derive(Debug)]
+pub struct Results<'a> {
+    pub(super) request: &'a Request,
+    pub(super) cells: &'a BTreeSet<Cell>,
+    pub(super) outcomes: &'a BTreeMap<Cell, Outcome>,
+    /// Shape error and Gauss-Wasserstein distance of the printed estimate.
+    pub(super) printed: [f64; 2],
+    measured: BTreeMap<Cell, [Option<Estimate>; METRICS.len()]>,
+}
+
+impl<'a> Results<'a> {
+    /// Results of the cells that are done.
+    ///
+    /// # Errors
+    /// None with the settings as they are.
+    pub fn new(
+        request: &'a Request,
+        cells: &'a BTreeSet<Cell>,
+        outcomes: &'a BTreeMap<Cell, Outcome>,
+        seed: u64,
+    ) -> Result<Results<'a>, Box<dyn std::error::Error>> {
+        let errors = printed::errors(&truth()?)?;
+        let printed = [errors.extent, errors.gauss_wasserstein];
+        let mut results = Results { request, cells, outcomes, printed, measured: BTreeMap::new() };
+        let bootstraps = Bootstraps::new([request.runs], seed);
+        results.measured = cells.iter().map(|cell| (*cell, results.measure(cell, &bootstraps))).collect();
+        Ok(results)
+    }
+
+    /// The runs of a cell, in order; none where it is not done.
+    pub(super) fn runs(&self, cell: &Cell) -> &'a [Run] {
+        self.outcomes.get(cell).map_or(&[], |outcome| &outcome.runs)
+    }
+
+    /// Runs whose method gave up.
+    pub fn lost(&self) -> usize {
+        self.outcomes.values().flat_map(|outcome| &outcome.runs).filter(|run| run.lost).count()
+    }
+
+    /// A statistic of a cell.
+    pub(super) fn measured(&self, cell: &Cell, metric: &str) -> Option<Estimate> {
+        let at = METRICS.iter().position(|(name, _)| *name == metric)?;
+        self.measured.get(cell)?[at]
+    }
+
+    /// Whether a run is as good as the printed one.
+    pub(super) fn is_as_good(&self, run: &Run) -> bool {
+        run.shape_error.is_some_and(|error| error <= self.printed[0])
+    }
+
+    fn measure(&self, cell: &Cell, bootstraps: &Bootstraps) -> [Option<Estimate>; METRICS.len()] {
+        let runs = self.runs(cell);
+        let share = |is: &dyn Fn(&Run) -> bool| -> Option<Vec<f64>> {
+            Some(runs.iter().map(|run| f64::from(u8::from(is(run)))).collect())
+        };
+        // What a lost run does not have is the worst there can be; what no run has, the method does not give.
+        let column = |of: &dyn Fn(&Run) -> Option<f64>, worst: f64| -> Option<Vec<f64>> {
+            let kept = |run: &Run| if run.lost { None } else { of(run) };
+            let any = runs.iter().any(|run| kept(run).is_some());
+            any.then(|| runs.iter().map(|run| kept(run).unwrap_or(worst)).collect())
+        };
+        METRICS.map(|(metric, statistic)| {
+            let values = match metric {
+                "shape_error" => column(&|run| run.shape_error, f64::INFINITY),
+                "gw" => column(&|run| run.gw, f64::INFINITY),
+                "iou" => column(&|run| Some(run.iou), 0.0),
+                "centroid_rmse" => column(&|run| Some(run.centroid_rmse), f64::INFINITY),
+                "mixture_wasserstein" => column(&|run| run.mixture_wasserstein, f64::INFINITY),
+                "hausdorff" => column(&|run| Some(run.hausdorff), f64::INFINITY),
+                "fail" => share(&Run::has_failed),
+                _ => share(&|run| self.is_as_good(run))
+                    .filter(|_| runs.iter().any(|run| run.shape_error.is_some())),
+            }?;
+            bootstraps.estimate(values.len(), |picked| match statistic {
+                "mean" => mean(&values, picked),
+                _ => median(&values, picked),
+            })
+        })
+    }
+
+    /// Every number of every cell, in the order of the cells.
+    pub fn rows(&self) -> Vec<Row> {
+        let row = |cell: &Cell, (metric, statistic): (&'static str, &'static str)| {
+            let Estimate { value, low, high } = self.measured(cell, metric)?;
+            let printed = match metric {
+                "shape_error" => Some(self.printed[0]),
+                "gw" => Some(self.printed[1]),
+                _ => None,
+            };
+            Some(Row {
+                method: cell.info().name,
+                scans: cell.scans,
+                start: cell.start.name(),
+                clutter: cell.clutter,
+                clutter_model: cell.clutter_model(),
+                rate: cell.rate,
+                metric,
+                statistic,
+                value,
+                low,
+                high,
+                paper_value: printed.filter(|_| cell.is_printed()),
+                runs: self.runs(cell).len(),
+            })
+        };
+        self.cells
+            .iter()
+            .flat_map(|cell| METRICS.iter().filter_map(move |metric| row(cell, *metric)))
+            .collect()
+    }
+
+    /// The cells of a table, in order.
+    pub(super) fn of_table(&self, table: &str) -> Vec<Cell> {
+        let of = |cell: &&Cell| Cell::of_table(table, cell.method).contains(cell);
+        self.cells.iter().filter(of).copied().collect()
+    }
+
+    /// All tables.
+    pub fn tables(&self) -> Vec<Table> {
+        let asked = PAPER.tables.iter().filter(|table| self.request.tables.contains(**table));
+        std::iter::once(self.all_rows()).chain(asked.map(|table| self.table(table))).collect()
+    }
+
+    fn all_rows(&self) -> Table {
+        let head = [
+            "method",
+            "scans",
+            "start",
+            "clutter",
+            "clutter_model",
+            "rate",
+            "metric",
+            "statistic",
+            "value",
+            "low",
+            "high",
+            "paper_value",
+            "runs",
+        ];
+        let row = |row: Row| -> Vec<Entry> {
+            vec![
+                row.method.into(),
+                row.scans.into(),
+                row.start.into(),
+                row.clutter.into(),
+                row.clutter_model.into(),
+                row.rate.into(),
+                row.metric.into(),
+                row.statistic.into(),
+                row.value.into(),
+                row.low.into(),
+                row.high.into(),
+                row.paper_value.into(),
+                row.runs.into(),
+            ]
+        };
+        Table::new("rows", "Every number of every cell", &head, self.rows().into_iter().map(row).collect())
+    }
+
+    /// A row per cell.
+    fn table(&self, table: &str) -> Table {
+        let mut head =
+            ["method", "scans", "start", "clutter", "clutter_model", "rate"].map(str::to_owned).to_vec();
+        for (metric, _) in METRICS {
+            head.extend([metric.to_owned(), format!("{metric}_low"), format!("{metric}_high")]);
+        }
+        let row = |cell: &Cell| {
+            let mut row: Vec<Entry> = vec![
+                cell.info().name.into(),
+                cell.scans.into(),
+                cell.start.name().into(),
+                cell.clutter.into(),
+                cell.clutter_model().into(),
+                cell.rate.into(),
+            ];
+            for (metric, _) in METRICS {
+                let found = self.measured(cell, metric);
+                let ends = [found.map(|e| e.value), found.map(|e| e.low), found.map(|e| e.high)];
+                row.extend(ends.map(Entry::from));
+            }
+            row
+        };
+        let about = match table {
+            "scene" => "Methods in the paper's scene, at more lengths and from other first shapes",
+            "clutter" => "Methods with clutter, told of it or not",
+            _ => "Methods at the other reading of the rate: so many points for each ellipse",
+        };
+        let rows = self.of_table(table).iter().map(row).collect();
+        Table { name: format!("table-{table}"), about: about.to_owned(), head, rows }
+    }
+}
