@@ -1,10 +1,10 @@
 //! Online expectation maximisation by a particle filter (Özkan, Çukurova University Journal of the Faculty of
 //! Engineering and Architecture 34(1), 2019, Algorithm 1).
 
-use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven, checked};
+use super::centre::{Centre, check};
+use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven};
 use super::shape::{MAX_ELLIPSES, Shape};
 use super::statistics::{MStep, Sums};
-use super::window::Centre;
 use crate::belief::{Cloud, Gaussian};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleFilter, ParticleUpdate, Settings, Update};
@@ -355,7 +355,7 @@ where
 
     /// A scan without points moves the particles and says nothing.
     fn step(&self, belief: &mut OnlineBelief<N>, to: Time, scan: Option<&Vec<[f64; 2]>>) -> Result<Update> {
-        checked(scan.map_or(&[], Vec::as_slice))?;
+        check(scan.map_or(&[], Vec::as_slice))?;
         let predicted = self.particles.step(&mut belief.cloud, to, None)?;
         let Some(points) = scan else { return Ok(predicted) };
         if points.is_empty() {

@@ -2,8 +2,8 @@
 
 use zerre::Time;
 use zerre::belief::Gaussian;
+use zerre::extended::centre::{Centre, FirstTwo};
 use zerre::extended::online::{OnlineBelief, OnlineEm, OnlineSettings, Reading};
-use zerre::extended::window::{Centre, FirstTwo};
 use zerre::extended::{Ellipse, MStep, Shape, Sums};
 use zerre::filter::{Filter, Outcome};
 use zerre::kernels::{Simd, Threads};
