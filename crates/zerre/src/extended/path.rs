@@ -37,9 +37,11 @@ pub(super) struct Leap<const N: usize> {
 /// Numbers of a pose: x and y of the centre and, for bodies that turn, the heading.
 pub(super) const POSE: usize = 3;
 
-/// The pose of a state's law, by the tangent.
+/// The pose of a state's law, by the tangent at its mean.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Pose<const N: usize> {
+    #[serde(with = "vector_serde")]
+    pub mean: [f64; N],
     /// m, m, rad.
     pub at: [f64; POSE],
     /// Derivative by the state.
@@ -57,18 +59,55 @@ pub(super) struct Said {
 impl Said {
     pub const NOTHING: Said = Said { information: Matrix::ZERO, vector: [0.0; POSE] };
 
-    /// The mean of its logarithm under the law of a pose that lies `u` from there with covariance `spread`.
+    /// The mean of its logarithm under the law of a state, said about the pose `from`.
     #[inline(always)]
-    pub fn expected<const P: usize>(&self, u: [f64; POSE], spread: &Matrix<POSE, POSE>) -> f64 {
+    pub fn expected<const P: usize, const N: usize>(&self, from: &Pose<N>, state: &Moments<N>) -> f64 {
         let (b, j) = (&self.vector, &self.information.0);
+        let (u, (_, spread)) = (from.to::<P>(state), from.spread_of::<P>(state));
         let mut sum = 0.0;
         for p in 0..P {
             sum += b[p] * u[p];
             for q in 0..P {
-                sum -= 0.5 * j[p][q] * (u[p] * u[q] + spread.0[p][q]);
+                sum -= 0.5 * j[p][q] * (u[p] * u[q] + spread[p][q]);
             }
         }
         sum
+    }
+}
+
+impl<const N: usize> Pose<N> {
+    /// How far off the pose of another state is, by the tangent.
+    #[inline(always)]
+    pub fn to<const P: usize>(&self, state: &Moments<N>) -> [f64; POSE] {
+        let mut u = [0.0; POSE];
+        for p in 0..P {
+            for k in 0..N {
+                u[p] += self.slope.0[p][k] * (state.mean[k] - self.mean[k]);
+            }
+        }
+        u
+    }
+
+    /// P H' and H P H' of another state.
+    #[inline(always)]
+    pub fn spread_of<const P: usize>(&self, state: &Moments<N>) -> ([[f64; POSE]; N], [[f64; POSE]; POSE]) {
+        let (mut cross, mut spread) = ([[0.0; POSE]; N], [[0.0; POSE]; POSE]);
+        for i in 0..N {
+            for p in 0..P {
+                for k in 0..N {
+                    cross[i][p] += state.covariance.0[i][k] * self.slope.0[p][k];
+                }
+            }
+        }
+        for p in 0..P {
+            for q in 0..=p {
+                for k in 0..N {
+                    spread[p][q] += self.slope.0[p][k] * cross[k][q];
+                }
+                spread[q][p] = spread[p][q];
+            }
+        }
+        (cross, spread)
     }
 }
 
@@ -120,19 +159,11 @@ impl<const N: usize> Moments<N> {
         Moments { mean, covariance: congruence(&leap.slope, &self.covariance) + leap.noise }
     }
 
-    /// Given what points say of its pose, which lies `u` from where they say it, of `P` numbers. With it comes the
-    /// logarithm of the mean of what they say.
+    /// Given what points say of its pose, of `P` numbers, about the pose `from`. With it comes the logarithm of the mean
+    /// of what they say.
     #[inline(always)]
-    pub fn given<const P: usize>(&self, u: [f64; POSE], pose: &Pose<N>, said: &Said) -> (Moments<N>, f64) {
-        // P H' and H P H'.
-        let (mut cross, spread) = ([[0.0; POSE]; N], &pose.spread.0);
-        for i in 0..N {
-            for p in 0..P {
-                for k in 0..N {
-                    cross[i][p] += self.covariance.0[i][k] * pose.slope.0[p][k];
-                }
-            }
-        }
+    pub fn given<const P: usize>(&self, from: &Pose<N>, said: &Said) -> (Moments<N>, f64) {
+        let (u, (cross, spread)) = (from.to::<P>(self), from.spread_of::<P>(self));
         // J = L L', A = I + L' S L: (I + J S)^-1 = I - L A^-1 L' S whether or not J is singular.
         let root = semidefinite::<P>(&said.information.0);
         let mut inner = [[0.0; POSE]; POSE];

@@ -126,6 +126,8 @@ pub(super) struct Scan<const N: usize> {
     pub points: [Vec<f64>; 2],
     /// Where the shares were taken.
     pub seen: Pose<N>,
+    /// Where the smoothed state is.
+    pub now: Pose<N>,
     /// What the points said about there, in the directions of the body, ellipse by ellipse.
     pub evidence: [Evidence; MAX_ELLIPSES],
     pub filtered: Moments<N>,

@@ -1,7 +1,6 @@
 //! The number of ellipses while a target is tracked: split, merge and prune.
 
 use super::super::centre::Centre;
-use super::super::path::Pose;
 use super::super::shape::{Ellipse, MAX_ELLIPSES, Shape};
 use super::super::statistics::{Sums, eigen};
 use super::WindowVb;
@@ -76,7 +75,8 @@ pub(super) struct Memory(pub [Vec<f64>; 2]);
 
 impl Memory {
     /// Takes in more, and forgets the oldest beyond `most`.
-    pub fn take<const N: usize>(&mut self, scan: &Scan<N>, pose: &Pose<N>, most: usize) {
+    pub fn take<const N: usize>(&mut self, scan: &Scan<N>, most: usize) {
+        let pose = &scan.now;
         let turned = turn(-pose.at[2]);
         for (x, y) in scan.points[0].iter().zip(&scan.points[1]) {
             let [x, y] = turned * [x - pose.at[0], y - pose.at[1]];
@@ -146,7 +146,7 @@ where
         belief.wish.since = 0;
         let mut points = belief.memory.clone();
         for scan in &belief.window {
-            points.take(scan, &self.pose(&scan.smoothed), usize::MAX);
+            points.take(scan, usize::MAX);
         }
         // Fewer points than numbers to learn say nothing of how many there are.
         let count = points.0[0].len();

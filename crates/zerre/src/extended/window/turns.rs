@@ -62,33 +62,25 @@ where
         let [x, y] = self.centre.at(variables);
         let mut at = [x.value, y.value, 0.0];
         let mut slope = Matrix([x.gradient, y.gradient, [0.0; N]]);
-        let mut spread = Matrix::ZERO;
-        let of = |p: usize, q: usize, slope: &Matrix<POSE, N>| -> f64 {
-            (0..N).fold(0.0, |sum, i| {
-                let row = (0..N).fold(0.0, |row, k| row + state.covariance.0[i][k] * slope.0[q][k]);
-                sum + slope.0[p][i] * row
-            })
-        };
         if C::TURNS {
             let heading = self.centre.heading(variables);
-            (at[2], slope.0[2]) = (heading.value, heading.gradient);
+            if heading.value.is_finite() && heading.gradient.iter().all(|g| g.is_finite()) {
+                (at[2], slope.0[2]) = (heading.value, heading.gradient);
+            }
+        }
+        let mut pose = Pose { mean: state.mean, at, slope, spread: Matrix::ZERO };
+        if C::TURNS {
             // No angle is known to less than about a turn, however steep it is.
-            let variance = of(2, 2, &slope);
-            if !(variance.is_finite() && heading.value.is_finite()) {
-                (at[2], slope.0[2]) = (0.0, [0.0; N]);
-            } else if variance > 1.0 {
+            let variance = pose.spread_of::<POSE>(state).1[2][2];
+            if variance > 1.0 {
                 let scale = 1.0 / variance.sqrt();
-                slope.0[2].iter_mut().for_each(|s| *s *= scale);
+                pose.slope.0[2].iter_mut().for_each(|s| *s *= scale);
             }
+            pose.spread = Matrix(pose.spread_of::<POSE>(state).1);
+        } else {
+            pose.spread = Matrix(pose.spread_of::<2>(state).1);
         }
-        let size = if C::TURNS { POSE } else { 2 };
-        for p in 0..size {
-            for q in 0..=p {
-                let sum = of(p, q, &slope);
-                (spread.0[p][q], spread.0[q][p]) = (sum, sum);
-            }
-        }
-        Pose { at, slope, spread }
+        pose
     }
 
     pub(super) fn leap(&self, from: Time, to: Time, state: &Moments<N>) -> Result<Option<Leap<N>>> {
@@ -106,11 +98,11 @@ where
         }))
     }
 
-    /// Shares the points of a scan among the lobes about its smoothed state: q ~ weight exp E ln N(y; h(x) + offset, X),
+    /// Shares the points of a scan among the lobes about where its smoothed state is: q ~ weight exp E ln N(y; h(x) + offset, X),
     /// what is left being clutter. The sum of the logarithms of what the shares were scaled by is the bound on the
     /// points' log-density but for the divergence of the state.
     pub(super) fn share(&self, scan: &mut Scan<N>, lobes: &[Lobe], level: f64) -> f64 {
-        let seen = self.pose(&scan.smoothed);
+        let seen = scan.now;
         let turned = turn(if C::TURNS { seen.at[2] } else { 0.0 });
         let mut there = [NO_LOBE; MAX_ELLIPSES];
         for (there, lobe) in there.iter_mut().zip(lobes) {
@@ -190,27 +182,16 @@ where
         said
     }
 
-    /// From where the points of a scan were shared to another pose; the heading the shorter way round.
-    fn moved_to(&self, scan: &Scan<N>, pose: &Pose<N>) -> [f64; POSE] {
-        let mut u = from_fn(|k| pose.at[k] - scan.seen.at[k]);
-        if C::TURNS {
-            u[2] = crate::math::wrap(u[2]);
-        }
-        u
-    }
-
     /// The law of a state after what points say, and the logarithm of the mean of that.
     pub(super) fn given(&self, ahead: &Moments<N>, scan: &Scan<N>, said: &Said) -> (Moments<N>, f64) {
-        let pose = self.pose(ahead);
-        let u = self.moved_to(scan, &pose);
-        if C::TURNS { ahead.given::<POSE>(u, &pose, said) } else { ahead.given::<2>(u, &pose, said) }
+        let from = &scan.seen;
+        if C::TURNS { ahead.given::<POSE>(from, said) } else { ahead.given::<2>(from, said) }
     }
 
     /// What the points of a scan say, on average over a state's law.
     pub(super) fn expected(&self, state: &Moments<N>, scan: &Scan<N>, said: &Said) -> f64 {
-        let pose = self.pose(state);
-        let u = self.moved_to(scan, &pose);
-        if C::TURNS { said.expected::<POSE>(u, &pose.spread) } else { said.expected::<2>(u, &pose.spread) }
+        let from = &scan.seen;
+        if C::TURNS { said.expected::<POSE, N>(from, state) } else { said.expected::<2, N>(from, state) }
     }
 
     /// The path through the window under the shares of its points; returns the divergence of its law from that
@@ -235,8 +216,9 @@ where
             let smoothed = leap.as_ref().map_or(*after, |leap| now.condition(leap, ahead, after));
             belief.window[k - 1].smoothed = smoothed;
         }
-        for scan in &belief.window {
+        for scan in &mut belief.window {
             divergence += self.expected(&scan.smoothed, scan, &scan.said);
+            scan.now = self.pose(&scan.smoothed);
         }
         Ok(divergence)
     }
@@ -244,19 +226,18 @@ where
     /// Adds what a scan says of the shape to `keep` times what is there, moved from where its points were shared to
     /// where the state is now.
     pub(super) fn collect(&self, scan: &Scan<N>, keep: f64, all: &mut [Evidence]) {
-        let pose = self.pose(&scan.smoothed);
-        let [x, y, angle] = self.moved_to(scan, &pose);
-        let mut by = [x, y];
+        let (pose, seen) = (&scan.now, &scan.seen);
+        let mut by = [pose.at[0] - seen.at[0], pose.at[1] - seen.at[1]];
         let mut spread =
             Matrix([[pose.spread.0[0][0], pose.spread.0[0][1]], [pose.spread.0[1][0], pose.spread.0[1][1]]]);
         if C::TURNS {
-            by = turn(-scan.seen.at[2]) * by;
+            by = turn(-seen.at[2]) * by;
             spread = turn(-pose.at[2]).congruence(&spread);
         }
         for (all, Evidence { sums, sure, .. }) in all.iter_mut().zip(&scan.evidence) {
             let mut moved = sums.about(by);
             if C::TURNS {
-                moved = moved.turned(&turn(-angle));
+                moved = moved.turned(&turn(seen.at[2] - pose.at[2]));
                 let across = turn(-pose.at[2]) * [pose.spread.0[0][2], pose.spread.0[1][2]];
                 moved = moved.spun(pose.spread.0[2][2], across);
             }
@@ -334,10 +315,12 @@ where
         lobes: &[Lobe],
         level: f64,
     ) -> (Scan<N>, f64) {
+        let now = self.pose(&ahead);
         let mut scan = Scan {
             time,
             points: from_fn(|k| points.iter().map(|y| y[k]).collect()),
-            seen: self.pose(&ahead),
+            seen: now,
+            now,
             evidence: [Evidence::default(); MAX_ELLIPSES],
             filtered: ahead,
             smoothed: ahead,
@@ -353,7 +336,7 @@ where
             let said = self.measured(&scan, lobes);
             let (state, log_mean) = self.given(&ahead, &scan, &said);
             let divergence = self.expected(&state, &scan, &said) - log_mean;
-            scan.smoothed = state;
+            (scan.smoothed, scan.now) = (state, self.pose(&state));
             bound = self.share(&mut scan, lobes, level) - divergence;
         }
         (scan, bound)
@@ -365,7 +348,7 @@ where
         self.collect(&scan, self.settings.keep, &mut belief.frozen);
         learn(&mut belief.frozen_rates, scan.counts());
         if let Some(number) = &self.settings.number {
-            belief.memory.take(&scan, &self.pose(&scan.smoothed), number.memory);
+            belief.memory.take(&scan, number.memory);
         }
         (belief.anchor, belief.has_frozen) = ((scan.time, scan.filtered), true);
     }
