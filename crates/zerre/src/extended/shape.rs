@@ -51,7 +51,10 @@ impl Shape {
             Cholesky::of("extent of an ellipse", &ellipse.extent)?;
         }
         Error::positive("weights of a shape", sum)?;
-        ellipses.iter_mut().for_each(|ellipse| ellipse.weight /= sum);
+        // What sums to one already, as a saved shape does, keeps its bits.
+        if (sum - 1.0).abs() > 1e-14 {
+            ellipses.iter_mut().for_each(|ellipse| ellipse.weight /= sum);
+        }
         Ok(Shape { ellipses })
     }
 
