@@ -7,6 +7,7 @@
 
 pub mod methods;
 pub mod printed;
+pub mod recorded;
 mod report;
 pub mod scenario;
 pub mod settings;
