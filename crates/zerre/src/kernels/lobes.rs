@@ -16,11 +16,11 @@ pub(crate) struct Lobe {
     pub constant: f64,
 }
 
-/// Sums over points d, each counted by its share in a lobe: of 1, x, y, xx, xy, yy; and of the squared shares.
-pub(crate) type Shared = [f64; 7];
+/// Sums over points d, each counted by its share in a lobe: of 1, x, y, xx, xy, yy.
+pub(crate) type Shared = [f64; 6];
 
 /// Numbers of [`Shared`].
-const SUMS: usize = 7;
+const SUMS: usize = 6;
 
 /// Takes in points at d, `keep` (1 or 0) of each.
 #[inline(always)]
@@ -60,7 +60,6 @@ fn take<R: Real, const MOST: usize>(
         sums[3] = qx.mul_add(d[0], sums[3]);
         sums[4] = qx.mul_add(d[1], sums[4]);
         sums[5] = qy.mul_add(d[1], sums[5]);
-        sums[6] = q.mul_add(q, sums[6]);
     }
     *bound = keep.mul_add(most + total.ln(), *bound);
 }
@@ -186,7 +185,7 @@ mod tests {
                     bound += total.ln();
                     for (sums, density) in sums.iter_mut().zip(&density) {
                         let share = density / total;
-                        for (sum, term) in sums.iter_mut().zip([1.0, *x, *y, x * x, x * y, y * y, share]) {
+                        for (sum, term) in sums.iter_mut().zip([1.0, *x, *y, x * x, x * y, y * y]) {
                             *sum += share * term;
                         }
                     }

@@ -143,7 +143,7 @@ fn intervals_of_one_ellipse_are_honest() {
             let scan: Vec<[f64; 2]> = (0..5).map(|_| point(&mut d, &body, [0.0; 2])).collect();
             filter.step(&mut belief, secs(k), Some(&scan)).unwrap();
         }
-        let law = &filter.extents(&belief)[0];
+        let law = filter.extents(&belief).unwrap()[0];
         for u in [[1.0, 0.0], [0.0, 1.0], [0.8, -0.6]] {
             let [low, high] = law.variance_interval(u, 0.9).unwrap();
             let x = extent.quadratic(&u, &u);
@@ -156,4 +156,32 @@ fn intervals_of_one_ellipse_are_honest() {
         );
     }
     assert!((held / all - 0.9).abs() < 4.5 * 0.021, "{}", held / all);
+}
+
+/// Three ellipses that overlap, on an unknown path: intervals of 90 % hold the variances along the true axes of the shape
+/// less often than they say, for the window has let go of what it could not yet know, but not by much: in 200 other
+/// runs .84 of the time. 60 runs of six variances, of which some six in ten are worth one: .84 errs by .02.
+#[test]
+fn intervals_of_overlapping_ellipses_hold_what_the_documentation_says() {
+    let (mut held, mut all) = (0.0, 0.0);
+    for seed in 0..60 {
+        let (_, scans) = record(900 + seed, 50);
+        let m_step = MStep { weights: false, prior: 0.5, ..MStep::default() };
+        let settings = WindowSettings { m_step, ..WindowSettings::default() };
+        let (filter, belief) = follow(near(), settings, &scans);
+        let laws = filter.extents(&belief).unwrap();
+        for body in truth().ellipses() {
+            let far = |e: &zerre::extended::Ellipse| (e.extent - body.extent).max_abs();
+            let ellipses = belief.shape().ellipses();
+            let nearest = (0..3).min_by(|&a, &b| far(&ellipses[a]).total_cmp(&far(&ellipses[b]))).unwrap();
+            let ([large, small], [c, s]) = zerre::extended::statistics::eigen(&body.extent);
+            for (x, u) in [(large, [c, s]), (small, [-s, c])] {
+                let [low, high] = laws[nearest].variance_interval(u, 0.9).unwrap();
+                held += f64::from(u8::from(low <= x && x <= high));
+                all += 1.0;
+            }
+        }
+    }
+    let share = held / all;
+    assert!(share > 0.84 - 4.5 * 0.02 && share < 0.97, "{share}");
 }

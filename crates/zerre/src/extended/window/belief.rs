@@ -1,15 +1,15 @@
 //! What the window filter knows.
 
-use super::super::inverse_wishart::{InverseWishart, SemiAxis};
 use super::super::path::{Leap, Moments, Pose, Said};
 use super::super::rate::Rate;
 use super::super::shape::{MAX_ELLIPSES, Shape};
-use super::super::statistics::{Sums, eigen};
+use super::super::statistics::Sums;
 use super::Clutter;
+use super::information::Information;
 use super::number::{Memory, Wish};
+use super::turns::turn;
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
-use crate::math::Matrix;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -27,9 +27,11 @@ pub struct ExtendedBelief<const N: usize> {
     pub(super) anchor: (Time, Moments<N>),
     /// Statistics of scans that have left the window; none have while this is false.
     pub(super) has_frozen: bool,
-    pub(super) frozen: Vec<Evidence>,
+    pub(super) frozen: Vec<Sums>,
     /// Those with the window's.
-    pub(super) evidence: Vec<Evidence>,
+    pub(super) sums: Vec<Sums>,
+    /// What scans before the window say of how well the shape is known.
+    pub(super) information: Information,
     pub(super) window: VecDeque<Scan<N>>,
     /// Rates of the target's points and of others before the window.
     pub(super) frozen_rates: [Rate; 2],
@@ -49,8 +51,9 @@ struct Parts<const N: usize> {
     first: Shape,
     anchor: (Time, Moments<N>),
     has_frozen: bool,
-    frozen: Vec<Evidence>,
-    evidence: Vec<Evidence>,
+    frozen: Vec<Sums>,
+    sums: Vec<Sums>,
+    information: Information,
     window: VecDeque<Scan<N>>,
     frozen_rates: [Rate; 2],
     rate: Rate,
@@ -65,7 +68,8 @@ impl<const N: usize> TryFrom<Parts<N>> for ExtendedBelief<N> {
     fn try_from(p: Parts<N>) -> Result<Self> {
         let count = p.shape.len();
         let whole = |scan: &Scan<N>| scan.points[0].len() == scan.points[1].len();
-        if [p.first.len(), p.frozen.len(), p.evidence.len()] != [count; 3]
+        if [p.first.len(), p.frozen.len(), p.sums.len()] != [count; 3]
+            || !p.information.is_of(count)
             || !p.window.iter().all(whole)
             || p.memory.0[0].len() != p.memory.0[1].len()
         {
@@ -81,7 +85,8 @@ impl<const N: usize> TryFrom<Parts<N>> for ExtendedBelief<N> {
             anchor: p.anchor,
             has_frozen: p.has_frozen,
             frozen: p.frozen,
-            evidence: p.evidence,
+            sums: p.sums,
+            information: p.information,
             window: p.window,
             frozen_rates: p.frozen_rates,
             rate: p.rate,
@@ -89,32 +94,6 @@ impl<const N: usize> TryFrom<Parts<N>> for ExtendedBelief<N> {
             memory: p.memory,
             wish: p.wish,
         })
-    }
-}
-
-/// What an ellipse is known by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Evidence {
-    /// Sums over the points, each counted by its share.
-    pub sums: Sums,
-    /// Sum of the squares of the shares: as many points that surely are the ellipse's would say as much of it (Louis,
-    /// JRSS B 44, 1982: what is missing is information too).
-    pub sure: f64,
-    /// Sum over the points of the covariance of their centre, xx, xy, yy, m^2: what they are blurred by.
-    pub blur: [f64; 3],
-    /// Sum over the scans of the square of their number: points of one scan share the error of their centre.
-    pub crowd: f64,
-}
-
-impl Evidence {
-    /// self <- keep self + other.
-    pub(super) fn blend(&mut self, keep: f64, other: &Evidence) {
-        self.sums.blend(keep, 1.0, &other.sums);
-        self.sure = keep * self.sure + other.sure;
-        self.crowd = keep * self.crowd + other.crowd;
-        for (blur, other) in self.blur.iter_mut().zip(other.blur) {
-            *blur = keep * *blur + other;
-        }
     }
 }
 
@@ -129,7 +108,7 @@ pub(super) struct Scan<const N: usize> {
     /// Where the smoothed state is.
     pub now: Pose<N>,
     /// What the points said about there, in the directions of the body, ellipse by ellipse.
-    pub evidence: [Evidence; MAX_ELLIPSES],
+    pub sums: [Sums; MAX_ELLIPSES],
     pub filtered: Moments<N>,
     pub smoothed: Moments<N>,
     /// The prediction for it.
@@ -141,9 +120,16 @@ pub(super) struct Scan<const N: usize> {
 }
 
 impl<const N: usize> Scan<N> {
+    /// Its points from the centre, in the directions of the body, where the smoothed state is.
+    pub fn in_body(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let [x, y, angle] = self.now.at;
+        let turned = turn(-angle);
+        self.points[0].iter().zip(&self.points[1]).map(move |(px, py)| turned * [px - x, py - y])
+    }
+
     /// What the target and others have of the points.
     pub fn counts(&self) -> [f64; 2] {
-        let of_target = self.evidence.iter().map(|evidence| evidence.sums.count).sum::<f64>();
+        let of_target = self.sums.iter().map(|sums| sums.count).sum::<f64>();
         [of_target, (self.points[0].len() as f64 - of_target).max(0.0)]
     }
 }
@@ -165,9 +151,9 @@ impl<const N: usize> ExtendedBelief<N> {
         &self.shape
     }
 
-    /// What each ellipse is known by.
-    pub fn evidence(&self) -> &[Evidence] {
-        &self.evidence
+    /// Points that each ellipse has had, and their sums: what the shape is learnt from.
+    pub fn sums(&self) -> &[Sums] {
+        &self.sums
     }
 
     /// Points of the target in a scan.
@@ -179,59 +165,4 @@ impl<const N: usize> ExtendedBelief<N> {
     pub fn clutter(&self) -> Option<&Clutter> {
         self.clutter.as_ref()
     }
-}
-
-/// What is known of the extent of an ellipse: along every direction the inverse-Wishart law that as many points would
-/// leave as say as much of it. Points of which it is not sure whose they are, and whose centre is not known, say less
-/// (Louis, JRSS B 44, 1982).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Extent {
-    mode: Matrix<2, 2>,
-    evidence: Evidence,
-    prior: f64,
-}
-
-impl Extent {
-    /// Along a direction: the variance has there the law of `u'Xu`.
-    fn along(&self, direction: [f64; 2]) -> Result<InverseWishart> {
-        let Evidence { sums, sure, blur: [xx, xy, yy], crowd } = self.evidence;
-        let count = sums.count.max(1e-9);
-        let blur = Matrix([[xx, xy], [xy, yy]]).quadratic(&direction, &direction) / count;
-        let relative = blur / self.mode.quadratic(&direction, &direction);
-        // A variance X is known to 2 X^2 / n from n points d, and d^2 to 4 d^2 P + 2 P^2 where the centre is known
-        // to P: of n points, n (2 P / X + n P^2 / X^2) are lost.
-        let lost = 2.0 * relative + crowd / count * relative * relative;
-        let points = (sure * (1.0 - lost).max(0.1) + self.prior).max(5.0);
-        // V = points times the mode, of the mean V / (dof - 3).
-        let dof = points - 1.0;
-        InverseWishart::new(self.mode * (points / (dof - 3.0)), dof)
-    }
-
-    /// The interval that holds the variance along a unit vector with probability `level`, m^2.
-    ///
-    /// # Errors
-    /// A level outside (0, 1), a direction that is not finite.
-    pub fn variance_interval(&self, direction: [f64; 2], level: f64) -> Result<[f64; 2]> {
-        self.along(direction)?.variance_interval(direction, level)
-    }
-
-    /// The principal axes, the longer first: the standard deviation along each, and its interval. Their directions are
-    /// taken for known.
-    ///
-    /// # Errors
-    /// A level outside (0, 1).
-    pub fn semi_axes(&self, level: f64) -> Result<[SemiAxis; 2]> {
-        let (values, [c, s]) = eigen(&self.mode);
-        let axis = |value: f64, direction: [f64; 2]| {
-            let interval = self.variance_interval(direction, level)?.map(f64::sqrt);
-            Ok(SemiAxis { direction, length: value.max(0.0).sqrt(), interval })
-        };
-        Ok([axis(values[0], [c, s])?, axis(values[1], [-s, c])?])
-    }
-}
-
-/// What is known of the extents of a belief.
-pub(super) fn extents<const N: usize>(belief: &ExtendedBelief<N>, prior: f64) -> Vec<Extent> {
-    let each = belief.shape.ellipses().iter().zip(&belief.evidence);
-    each.map(|(ellipse, evidence)| Extent { mode: ellipse.extent, evidence: *evidence, prior }).collect()
 }

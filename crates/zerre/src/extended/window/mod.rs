@@ -1,17 +1,19 @@
 //! Variational expectation maximisation over a window of scans.
 
 mod belief;
+mod information;
 mod number;
 mod turns;
 
-pub use belief::{Evidence, ExtendedBelief, Extent};
+pub use belief::ExtendedBelief;
+pub use information::Extent;
 pub use number::Number;
 
 use super::centre::{Centre, check};
 use super::path::Moments;
 use super::rate::Rate;
 use super::shape::{Lobe, MAX_ELLIPSES, Shape, log_sum_exp};
-use super::statistics::MStep;
+use super::statistics::{MStep, Sums};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, Update};
@@ -20,6 +22,7 @@ use crate::math::{Dual, Matrix};
 use crate::model::Motion;
 use crate::rng::Stream;
 use crate::time::Time;
+use information::Information;
 use number::{Memory, Wish};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -66,7 +69,7 @@ impl Default for WindowSettings {
             window: 10,
             sweeps: 5,
             fresh: 20,
-            m_step: MStep::default(),
+            m_step: MStep { prior: 0.5, ..MStep::default() },
             keep: 1.0,
             noise: Matrix::ZERO,
             rate: Rate { points: 5.0, scans: 0.5, keep: 1.0 },
@@ -161,9 +164,23 @@ where
         place(&self.centre, &belief.state, &belief.shape)
     }
 
-    /// What is known of the extent of each ellipse, sensor noise and heading taken for known.
-    pub fn extents(&self, belief: &ExtendedBelief<N>) -> Vec<Extent> {
-        belief::extents(belief, self.settings.m_step.prior)
+    /// What is known of the extent of each ellipse; path, sensor noise and heading are taken for known. With all scans in
+    /// the window, intervals hold what they say (90 % of the time .90, three overlapping ellipses, 50 scans); where scans
+    /// leave it, they are somewhat narrow (.84 with a window of 10).
+    ///
+    /// # Errors
+    /// None for the beliefs of this filter.
+    pub fn extents(&self, belief: &ExtendedBelief<N>) -> Result<Vec<Extent>> {
+        let mut lobes = [NO_LOBE; MAX_ELLIPSES];
+        let lobes = &mut lobes[..belief.shape.len()];
+        self.digest(&belief.shape, lobes)?;
+        let level = clutter_level(&belief.rate, belief.clutter.as_ref());
+        let mut information = belief.information.clone();
+        for scan in &belief.window {
+            scan.in_body().for_each(|d| information.take(d, lobes, level));
+        }
+        information.add_sure(self.settings.m_step.prior, lobes);
+        Ok(information.extents(&belief.shape))
     }
 
     /// Takes in a scan; the bound on its log-density.
@@ -180,7 +197,7 @@ where
         let level = clutter_level(&belief.rate, belief.clutter.as_ref());
         let (scan, bound) = self.enter((to, ahead, points), lobes, level);
         if belief.window.len() == self.settings.window {
-            self.freeze(belief);
+            self.freeze(belief, lobes, level);
         }
         belief.window.push_back(scan);
         self.turn(belief, lobes)?;
@@ -258,8 +275,9 @@ where
             first: self.shape.clone(),
             anchor: (at, Moments::from(&self.prior)),
             has_frozen: false,
-            frozen: vec![Evidence::default(); count],
-            evidence: vec![Evidence::default(); count],
+            frozen: vec![Sums::default(); count],
+            sums: vec![Sums::default(); count],
+            information: Information::new(count),
             window: VecDeque::with_capacity(self.settings.window),
             frozen_rates: [self.settings.rate, self.settings.clutter.map_or(self.settings.rate, |c| c.rate)],
             rate: self.settings.rate,

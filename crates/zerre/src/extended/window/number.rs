@@ -4,8 +4,9 @@ use super::super::centre::Centre;
 use super::super::shape::{Ellipse, MAX_ELLIPSES, Shape};
 use super::super::statistics::{Sums, eigen};
 use super::WindowVb;
-use super::belief::{Evidence, ExtendedBelief, Scan};
-use super::turns::{NO_LOBE, clutter_level, turn};
+use super::belief::{ExtendedBelief, Scan};
+use super::information::Information;
+use super::turns::{NO_LOBE, clutter_level};
 use crate::error::{Error, Result};
 use crate::kernels::{Shared, share_points};
 use crate::math::{Matrix, ln};
@@ -76,10 +77,7 @@ pub(super) struct Memory(pub [Vec<f64>; 2]);
 impl Memory {
     /// Takes in more, and forgets the oldest beyond `most`.
     pub fn take<const N: usize>(&mut self, scan: &Scan<N>, most: usize) {
-        let pose = &scan.now;
-        let turned = turn(-pose.at[2]);
-        for (x, y) in scan.points[0].iter().zip(&scan.points[1]) {
-            let [x, y] = turned * [x - pose.at[0], y - pose.at[1]];
+        for [x, y] in scan.in_body() {
             self.0[0].push(x);
             self.0[1].push(y);
         }
@@ -190,26 +188,22 @@ where
     fn explain(&self, points: &Memory, first: &Shape, turns: usize, level: f64) -> Result<(f64, Shape)> {
         let (mut shape, mut bound) = (first.clone(), f64::NEG_INFINITY);
         for _ in 0..turns {
-            let (log, evidence) = self.shared(points, &shape, level)?;
+            let (log, sums) = self.shared(points, &shape, level)?;
             bound = log;
-            let sums: Vec<Sums> = evidence.iter().map(|evidence| evidence.sums).collect();
             shape = self.settings.m_step.shape(&sums, first, &self.settings.noise)?;
         }
         Ok((bound, shape))
     }
 
     /// Points shared among the ellipses of a shape: their log-density, and what they say of each.
-    fn shared(&self, points: &Memory, shape: &Shape, level: f64) -> Result<(f64, Vec<Evidence>)> {
+    fn shared(&self, points: &Memory, shape: &Shape, level: f64) -> Result<(f64, Vec<Sums>)> {
         let mut lobes = vec![NO_LOBE; shape.len()];
         self.digest(shape, &mut lobes)?;
         let mut shared = vec![Shared::default(); shape.len()];
         let [x, y] = &points.0;
         let bound = share_points(self.simd, [x, y], &lobes, level, &mut shared);
-        let evidence = |[n, x, y, xx, xy, yy, sure]: Shared| {
-            let sums = Sums { count: n, first: [x, y], second: [xx, xy, yy] };
-            Evidence { sums, sure, ..Evidence::default() }
-        };
-        Ok((bound, shared.into_iter().map(evidence).collect()))
+        let sums = |[n, x, y, xx, xy, yy]: Shared| Sums { count: n, first: [x, y], second: [xx, xy, yy] };
+        Ok((bound, shared.into_iter().map(sums).collect()))
     }
 
     /// Goes on with another shape, known by the points that are remembered.
@@ -217,10 +211,13 @@ where
         belief.frozen = self.shared(&belief.memory, &shape, level)?.1;
         // What the first shape says of an ellipse is a small prior: new ones have themselves.
         (belief.first, belief.shape) = (shape.clone(), shape);
-        self.share_again(belief)?;
         let mut lobes = [NO_LOBE; MAX_ELLIPSES];
         let lobes = &mut lobes[..belief.shape.len()];
         self.digest(&belief.shape, lobes)?;
+        belief.information = Information::new(lobes.len());
+        let [x, y] = &belief.memory.0;
+        x.iter().zip(y).for_each(|(x, y)| belief.information.take([*x, *y], lobes, level));
+        self.share_again(belief)?;
         for turn in 0..self.settings.sweeps {
             self.sweep(belief, lobes, turn == 0)?;
         }

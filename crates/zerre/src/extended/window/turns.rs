@@ -5,7 +5,7 @@ use super::super::path::{Leap, Moments, POSE, Pose, Said};
 use super::super::rate::Rate;
 use super::super::shape::{Ellipse, Lobe, MAX_ELLIPSES, Shape};
 use super::super::statistics::Sums;
-use super::belief::{Evidence, ExtendedBelief, Scan};
+use super::belief::{ExtendedBelief, Scan};
 use super::{Clutter, WindowVb};
 use crate::error::Result;
 use crate::filter::MotionTangent;
@@ -131,12 +131,12 @@ where
         let count = lobes.len();
         let bound = kernels::share_points(self.simd, [x, y], &there[..count], level, &mut shared[..count]);
         let at = [seen.at[0], seen.at[1]];
-        for (evidence, [n, x, y, xx, xy, yy, sure]) in scan.evidence.iter_mut().zip(shared).take(count) {
+        for (of_scan, [n, x, y, xx, xy, yy]) in scan.sums.iter_mut().zip(shared).take(count) {
             let mut sums = Sums { count: n, first: [x, y], second: [xx, xy, yy] }.about(at);
             if C::TURNS {
                 sums = sums.turned(&turned.transpose());
             }
-            *evidence = Evidence { sums, sure, ..Evidence::default() };
+            *of_scan = sums;
         }
         scan.seen = seen;
         bound
@@ -147,7 +147,7 @@ where
     pub(super) fn measured(&self, scan: &Scan<N>, lobes: &[Lobe]) -> Said {
         let mut said = Said::NOTHING;
         let (mut total, mut vector, mut side) = (Matrix::<2, 2>::ZERO, [0.0; 2], [0.0; 2]);
-        for (lobe, Evidence { sums, .. }) in lobes.iter().zip(&scan.evidence) {
+        for (lobe, sums) in lobes.iter().zip(&scan.sums) {
             let j = lobe.information();
             total = total + j * sums.count;
             let rest: [f64; 2] = from_fn(|k| sums.first[k] - sums.count * lobe.offset[k]);
@@ -225,7 +225,7 @@ where
 
     /// Adds what a scan says of the shape to `keep` times what is there, moved from where its points were shared to
     /// where the state is now.
-    pub(super) fn collect(&self, scan: &Scan<N>, keep: f64, all: &mut [Evidence]) {
+    pub(super) fn collect(&self, scan: &Scan<N>, keep: f64, all: &mut [Sums]) {
         let (pose, seen) = (&scan.now, &scan.seen);
         let mut by = [pose.at[0] - seen.at[0], pose.at[1] - seen.at[1]];
         let mut spread =
@@ -234,7 +234,7 @@ where
             by = turn(-seen.at[2]) * by;
             spread = turn(-pose.at[2]).congruence(&spread);
         }
-        for (all, Evidence { sums, sure, .. }) in all.iter_mut().zip(&scan.evidence) {
+        for (all, sums) in all.iter_mut().zip(&scan.sums) {
             let mut moved = sums.about(by);
             if C::TURNS {
                 moved = moved.turned(&turn(seen.at[2] - pose.at[2]));
@@ -244,9 +244,7 @@ where
             moved.add(moved.count, [0.0; 2], &spread);
             // Its points have been counted already.
             moved.count = sums.count;
-            let [[xx, xy], [_, yy]] = spread.0;
-            let blur = [xx, xy, yy].map(|x| x * sums.count);
-            all.blend(keep, &Evidence { sums: moved, sure: *sure, blur, crowd: sums.count * sums.count });
+            all.blend(keep, 1.0, &moved);
         }
     }
 
@@ -257,7 +255,7 @@ where
         self.digest(&belief.shape, lobes)?;
         let level = clutter_level(&belief.rate, belief.clutter.as_ref());
         for scan in &mut belief.window {
-            scan.evidence = [Evidence::default(); MAX_ELLIPSES];
+            scan.sums = [Sums::default(); MAX_ELLIPSES];
             self.share(scan, lobes, level);
         }
         Ok(())
@@ -272,17 +270,12 @@ where
         anew: bool,
     ) -> Result<f64> {
         let divergence = self.smooth(belief, lobes, anew)?;
-        belief.evidence.clone_from(&belief.frozen);
+        belief.sums.clone_from(&belief.frozen);
         for scan in &belief.window {
-            self.collect(scan, 1.0, &mut belief.evidence);
-        }
-        let mut sums = [Sums::default(); MAX_ELLIPSES];
-        for (sums, evidence) in sums.iter_mut().zip(&belief.evidence) {
-            *sums = evidence.sums;
+            self.collect(scan, 1.0, &mut belief.sums);
         }
         let settings = &self.settings;
-        belief.shape =
-            settings.m_step.shape(&sums[..belief.evidence.len()], &belief.first, &settings.noise)?;
+        belief.shape = settings.m_step.shape(&belief.sums, &belief.first, &settings.noise)?;
         self.digest(&belief.shape, lobes)?;
         let level = clutter_level(&belief.rate, belief.clutter.as_ref());
         let mut bound = -divergence;
@@ -321,7 +314,7 @@ where
             points: from_fn(|k| points.iter().map(|y| y[k]).collect()),
             seen: now,
             now,
-            evidence: [Evidence::default(); MAX_ELLIPSES],
+            sums: [Sums::default(); MAX_ELLIPSES],
             filtered: ahead,
             smoothed: ahead,
             ahead,
@@ -343,8 +336,10 @@ where
     }
 
     /// The oldest scan leaves its statistics to the shape and its state to the start of the window.
-    pub(super) fn freeze(&self, belief: &mut ExtendedBelief<N>) {
+    pub(super) fn freeze(&self, belief: &mut ExtendedBelief<N>, lobes: &[Lobe], level: f64) {
         let Some(scan) = belief.window.pop_front() else { return };
+        belief.information.keep(self.settings.keep);
+        scan.in_body().for_each(|d| belief.information.take(d, lobes, level));
         self.collect(&scan, self.settings.keep, &mut belief.frozen);
         learn(&mut belief.frozen_rates, scan.counts());
         if let Some(number) = &self.settings.number {
