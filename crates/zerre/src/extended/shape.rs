@@ -166,7 +166,7 @@ impl Lobe {
         }
         let second = pivot.sqrt();
         let root = [1.0 / first, -cross / (first * second), 1.0 / second];
-        let constant = ln(e.weight) - ln(first * second) - LN_2PI;
+        let constant = ln(e.weight / (first * second)) - LN_2PI;
         Ok(Lobe { offset: e.offset, root, constant })
     }
 

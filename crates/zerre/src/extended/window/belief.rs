@@ -10,6 +10,7 @@ use super::number::{Memory, Wish};
 use super::turns::turn;
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
+use crate::math::Matrix;
 use crate::time::Time;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -123,7 +124,7 @@ impl<const N: usize> Scan<N> {
     /// Its points from the centre, in the directions of the body, where the smoothed state is.
     pub fn in_body(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         let [x, y, angle] = self.now.at;
-        let turned = turn(-angle);
+        let turned = if angle == 0.0 { Matrix::identity() } else { turn(-angle) };
         self.points[0].iter().zip(&self.points[1]).map(move |(px, py)| turned * [px - x, py - y])
     }
 

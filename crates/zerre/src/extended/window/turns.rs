@@ -103,7 +103,7 @@ where
     /// points' log-density but for the divergence of the state.
     pub(super) fn share(&self, scan: &mut Scan<N>, lobes: &[Lobe], level: f64) -> f64 {
         let seen = scan.now;
-        let turned = turn(if C::TURNS { seen.at[2] } else { 0.0 });
+        let turned = if C::TURNS { turn(seen.at[2]) } else { Matrix::identity() };
         let mut there = [NO_LOBE; MAX_ELLIPSES];
         for (there, lobe) in there.iter_mut().zip(lobes) {
             *there = *lobe;
