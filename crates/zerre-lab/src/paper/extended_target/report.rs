@@ -1,7 +1,7 @@
 //! The page.
 
 use super::methods::{Estimate, METHODS};
-use super::scenario::{Record, near, truth};
+use super::scenario::{ClutterModel, Record, near, truth};
 use super::settings::{CLUTTER_SCANS, FAILED_CENTROID, FAILED_IOU, OUTLINE, RATE, SCANS};
 use super::tables::{Results, is_pictured};
 use super::{Cell, PAPER, printed};
@@ -101,9 +101,9 @@ impl Results<'_> {
             "as good as printed",
         ];
         let row = |cell: &Cell| {
-            let clutter = match cell.clutter_model() {
-                "none" => cell.clutter.to_string(),
-                model => format!("{}, {model}", cell.clutter),
+            let clutter = match cell.model {
+                ClutterModel::None => cell.clutter.to_string(),
+                model => format!("{}, {}", cell.clutter, model.name()),
             };
             let names = [cell.info().name.to_owned(), cell.scans.to_string(), cell.start.name().to_owned()];
             let mut row: Vec<Shown> = names.iter().map(|name| Shown::from(name.as_str())).collect();

@@ -20,12 +20,12 @@ pub struct Row {
     pub start: &'static str,
     /// Points of clutter in a scan, on average.
     pub clutter: usize,
-    /// `none` without clutter, `known` to the method, or `ignored` by it.
+    /// `none` without clutter; its rate `known` to the method, `learnt`, or clutter `ignored`.
     pub clutter_model: &'static str,
     /// Points of the target in a scan, on average.
     pub rate: usize,
-    /// `shape_error`, `gw`, `iou`, `fail`, `centroid_rmse`, `mixture_wasserstein`, `hausdorff`, or `as_good`, the share of
-    /// runs with a shape error not above that of the printed estimate.
+    /// `shape_error`, `gw`, `iou`, `fail`, `centroid_rmse`, `mixture_wasserstein`, `hausdorff`, `clutter_error` where
+    /// its rate is learnt, or `as_good`, the share of runs with a shape error not above that of the printed estimate.
     pub metric: &'static str,
     /// `median` over runs, or `mean` of shares.
     pub statistic: &'static str,
@@ -42,7 +42,7 @@ pub struct Row {
 }
 
 /// Metrics of rows with their statistics.
-pub(super) const METRICS: [(&str, &str); 8] = [
+pub(super) const METRICS: [(&str, &str); 9] = [
     ("shape_error", "median"),
     ("gw", "median"),
     ("iou", "median"),
@@ -50,6 +50,7 @@ pub(super) const METRICS: [(&str, &str); 8] = [
     ("centroid_rmse", "median"),
     ("mixture_wasserstein", "median"),
     ("hausdorff", "median"),
+    ("clutter_error", "median"),
     ("as_good", "mean"),
 ];
 
@@ -128,6 +129,7 @@ impl<'a> Results<'a> {
                 "centroid_rmse" => column(&|run| Some(run.centroid_rmse), f64::INFINITY),
                 "mixture_wasserstein" => column(&|run| run.mixture_wasserstein, f64::INFINITY),
                 "hausdorff" => column(&|run| Some(run.hausdorff), f64::INFINITY),
+                "clutter_error" => column(&|run| run.clutter_error, f64::INFINITY),
                 "fail" => share(&Run::has_failed),
                 _ => share(&|run| self.is_as_good(run))
                     .filter(|_| runs.iter().any(|run| run.shape_error.is_some())),
@@ -153,7 +155,7 @@ impl<'a> Results<'a> {
                 scans: cell.scans,
                 start: cell.start.name(),
                 clutter: cell.clutter,
-                clutter_model: cell.clutter_model(),
+                clutter_model: cell.model.name(),
                 rate: cell.rate,
                 metric,
                 statistic,
@@ -231,7 +233,7 @@ impl<'a> Results<'a> {
                 cell.scans.into(),
                 cell.start.name().into(),
                 cell.clutter.into(),
-                cell.clutter_model().into(),
+                cell.model.name().into(),
                 cell.rate.into(),
             ];
             for (metric, _) in METRICS {
