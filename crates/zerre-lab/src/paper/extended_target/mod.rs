@@ -5,7 +5,9 @@
 //! names tables; each of their [`Cell`]s is one method in one scene, and [`ExtendedTarget`] is all of it as an
 //! [`Experiment`].
 
+mod film;
 pub mod methods;
+mod pictures;
 pub mod printed;
 mod report;
 pub mod scenario;
@@ -272,7 +274,7 @@ impl Experiment for ExtendedTarget {
             let found =
                 estimates.as_ref().ok().and_then(|all| Run::of(&record, cell.clutter as f64, all).ok());
             outcome.runs.push(found.unwrap_or(Run { lost: true, ..Run::default() }));
-            if run == 0 && tables::is_pictured(cell) {
+            if run == 0 && pictures::is_pictured(cell) {
                 outcome.pictured = estimates.unwrap_or_default();
             }
         }
@@ -288,10 +290,12 @@ impl Experiment for ExtendedTarget {
         let results = Results::new(&self.request, &self.cells, outcomes, self.seed)?;
         let rows = results.rows();
         let first = |cell: &Cell| self.record(cell, 0);
+        let films = results.films(&first)?;
         Ok(Finished {
             estimates: rows.iter().flat_map(|row| [row.value, row.low, row.high]).collect(),
             tables: results.tables(),
-            page: results.page(self.seed, interrupted, &first)?,
+            page: results.page(self.seed, interrupted, &first, &films)?,
+            files: films.into_iter().map(|film| (film.file, film.bytes)).collect(),
             mishaps: vec![Mishap {
                 what: "method gave up",
                 action: "the run counts as failed",

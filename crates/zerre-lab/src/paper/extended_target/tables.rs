@@ -1,10 +1,10 @@
 //! Rows and tables from the outcomes of cells.
 
 use super::printed;
-use super::scenario::{Start, truth};
-use super::settings::RATE;
+use super::scenario::truth;
 use super::{Cell, Outcome, PAPER, Request, Run};
-use crate::study::interval::{Bootstraps, Estimate, mean, median};
+use crate::metric::wilson_interval;
+use crate::study::interval::{Bootstraps, Estimate, median};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,7 +31,7 @@ pub struct Row {
     pub statistic: &'static str,
     /// The number.
     pub value: f64,
-    /// Lower end of its 95 % bootstrap interval over runs.
+    /// Lower end of its 95 % interval: bootstrap over runs for medians, Wilson's for shares.
     pub low: f64,
     /// Upper end.
     pub high: f64,
@@ -53,11 +53,6 @@ pub(super) const METRICS: [(&str, &str); 9] = [
     ("clutter_error", "median"),
     ("as_good", "mean"),
 ];
-
-/// Cells of which pictures are drawn: those from the start `near` in the paper's scene, of any length.
-pub(super) fn is_pictured(cell: &Cell) -> bool {
-    (cell.rate, cell.clutter) == (RATE, 0) && cell.start == Start::Near
-}
 
 /// Everything that was computed, ready to be shown.
 #[derive(Debug)]
@@ -106,38 +101,37 @@ impl<'a> Results<'a> {
     }
 
     /// Whether a run is as good as the printed one.
-    pub(super) fn is_as_good(&self, run: &Run) -> bool {
+    fn is_as_good(&self, run: &Run) -> bool {
         run.shape_error.is_some_and(|error| error <= self.printed[0])
     }
 
     fn measure(&self, cell: &Cell, bootstraps: &Bootstraps) -> [Option<Estimate>; METRICS.len()] {
         let runs = self.runs(cell);
-        let share = |is: &dyn Fn(&Run) -> bool| -> Option<Vec<f64>> {
-            Some(runs.iter().map(|run| f64::from(u8::from(is(run)))).collect())
-        };
         // What a lost run does not have is the worst there can be; what no run has, the method does not give.
-        let column = |of: &dyn Fn(&Run) -> Option<f64>, worst: f64| -> Option<Vec<f64>> {
+        let median_of = |of: &dyn Fn(&Run) -> Option<f64>, worst: f64| {
             let kept = |run: &Run| if run.lost { None } else { of(run) };
-            let any = runs.iter().any(|run| kept(run).is_some());
-            any.then(|| runs.iter().map(|run| kept(run).unwrap_or(worst)).collect())
+            runs.iter().find_map(kept)?;
+            let values: Vec<f64> = runs.iter().map(|run| kept(run).unwrap_or(worst)).collect();
+            bootstraps.estimate(values.len(), |picked| median(&values, picked))
         };
-        METRICS.map(|(metric, statistic)| {
-            let values = match metric {
-                "shape_error" => column(&|run| run.shape_error, f64::INFINITY),
-                "gw" => column(&|run| run.gw, f64::INFINITY),
-                "iou" => column(&|run| Some(run.iou), 0.0),
-                "centroid_rmse" => column(&|run| Some(run.centroid_rmse), f64::INFINITY),
-                "mixture_wasserstein" => column(&|run| run.mixture_wasserstein, f64::INFINITY),
-                "hausdorff" => column(&|run| Some(run.hausdorff), f64::INFINITY),
-                "clutter_error" => column(&|run| run.clutter_error, f64::INFINITY),
-                "fail" => share(&Run::has_failed),
-                _ => share(&|run| self.is_as_good(run))
-                    .filter(|_| runs.iter().any(|run| run.shape_error.is_some())),
-            }?;
-            bootstraps.estimate(values.len(), |picked| match statistic {
-                "mean" => mean(&values, picked),
-                _ => median(&values, picked),
-            })
+        let share = |is: &dyn Fn(&Run) -> bool| {
+            let count = runs.iter().filter(|run| is(run)).count();
+            let (low, high) = wilson_interval(count, runs.len(), 0.95).ok()?;
+            Some(Estimate { value: count as f64 / runs.len() as f64, low, high })
+        };
+        METRICS.map(|(metric, _)| match metric {
+            "shape_error" => median_of(&|run| run.shape_error, f64::INFINITY),
+            "gw" => median_of(&|run| run.gw, f64::INFINITY),
+            "iou" => median_of(&|run| Some(run.iou), 0.0),
+            "centroid_rmse" => median_of(&|run| Some(run.centroid_rmse), f64::INFINITY),
+            "mixture_wasserstein" => median_of(&|run| run.mixture_wasserstein, f64::INFINITY),
+            "hausdorff" => median_of(&|run| Some(run.hausdorff), f64::INFINITY),
+            "clutter_error" => median_of(&|run| run.clutter_error, f64::INFINITY),
+            "fail" => share(&Run::has_failed),
+            _ => {
+                runs.iter().find_map(|run| run.shape_error)?;
+                share(&|run| self.is_as_good(run))
+            }
         })
     }
 

@@ -171,9 +171,8 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "batch-pf",
-        about: "expectation maximisation over all scans at once by a particle smoother, for the shortest recordings: each \
-                turn filters and smooths all scans anew, and longer ones would take several times what all other methods \
-                take together",
+        about: "expectation maximisation over all scans at once by a particle smoother: each turn filters and smooths all \
+                scans anew",
         longest: super::settings::SCANS[0],
         cost: 15_000,
         run: learnt::batch_pf,
