@@ -69,11 +69,12 @@ pub const BURN_IN: u64 = 3;
 pub const WINDOW: usize = 10;
 /// ... turns after each scan, ...
 pub const SWEEPS: usize = 5;
-/// ... scans in the window where clutter is modelled: of 10, 20, 30, 40 and 50 the one after which more brings nothing, by
-/// 200 runs under seed 1001, ...
+/// ... scans in the window and turns where clutter is modelled: of 20, 30, 40 and 50 scans and of 5, 10 and 20 turns those
+/// after which more brings next to nothing, by 800 runs under seed 1001 with 3 points of clutter, ...
 pub const CLUTTER_WINDOW: usize = 40;
+pub const CLUTTER_SWEEPS: usize = 10;
 /// ... and the scans that a first guess counts for where rates are learnt, which for clutter is one point a scan; .01 and 1
-/// do as well, by the same runs.
+/// do as well, by 200 of these runs.
 pub const VAGUE: f64 = 0.1;
 
 /// `batch-vb`: turns.

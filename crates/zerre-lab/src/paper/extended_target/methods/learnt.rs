@@ -2,8 +2,8 @@
 
 use super::super::scenario::{ClutterModel, motion, prior};
 use super::super::settings::{
-    BATCH_ITERATIONS, BATCH_PATHS, BATCH_TURNS, BURN_IN, CLUTTER_SIDE, CLUTTER_WINDOW, DATA_SCANS,
-    DATA_TRIES, DATA_TURNS, EXPONENT, FLOOR, PRIOR_POINTS, SWEEPS, VAGUE, WINDOW,
+    BATCH_ITERATIONS, BATCH_PATHS, BATCH_TURNS, BURN_IN, CLUTTER_SIDE, CLUTTER_SWEEPS, CLUTTER_WINDOW,
+    DATA_SCANS, DATA_TRIES, DATA_TURNS, EXPONENT, FLOOR, PRIOR_POINTS, SWEEPS, VAGUE, WINDOW,
 };
 use super::{Body, Estimate, Task, filtered};
 use zerre::extended::batch::{BatchSettings, batch_em};
@@ -52,14 +52,10 @@ fn window(task: &Task<'_>) -> Result<Window> {
         }
         ClutterModel::Learnt => (vague(of_target)?, Some(Clutter { area, rate: vague(1.0)?, learnt: true })),
     };
-    let settings = WindowSettings {
-        window: if clutter.is_some() { CLUTTER_WINDOW } else { WINDOW },
-        sweeps: SWEEPS,
-        m_step: M_STEP,
-        rate,
-        clutter,
-        ..WindowSettings::default()
-    };
+    let (window, sweeps) =
+        if clutter.is_some() { (CLUTTER_WINDOW, CLUTTER_SWEEPS) } else { (WINDOW, SWEEPS) };
+    let settings =
+        WindowSettings { window, sweeps, m_step: M_STEP, rate, clutter, ..WindowSettings::default() };
     WindowVb::new(motion()?, FirstTwo, prior()?, task.start.clone(), settings)
 }
 
