@@ -12,6 +12,8 @@
 //! | FFBSi-level, FFBSi | 1 000 backward paths through 1 000 particles at 1 000 instants, for positions of a random walk and of W1's motion; times are per path and step |
 //! | FFBSi-moves | the latter by 30 moves of a chain in place of exact draws |
 //! | W5 | W1 by the multiple-model filter, 5 000 particles under each of four modes: straight, accelerating, two turns |
+//! | window-vb | a target of three ellipses, nine points a scan, window of 10 scans and 5 turns; times are per scan |
+//! | rb-online-em | the same by 1 000 particles that sum over the ellipses of points; times are per particle and scan |
 //! | deadline | W1's models on a target that circles, as many particles as fit into 1 ms; only when named |
 //!
 //! Times are processor time of the calling thread (W4: of the process), medians over repetitions; the first repetition
@@ -19,6 +21,7 @@
 //! filter's mean to that of 32 million particles: it must fall as 1 / sqrt(N).
 
 mod deadline;
+mod extended;
 mod ffbsi;
 
 pub use deadline::Kept;
@@ -195,6 +198,8 @@ fn jobs(options: &Options) -> Vec<(&'static str, Job<'_>)> {
             Box::new(move |name| ffbsi::ffbsi::<_, 4, 4, 2>(name, built_in()?.0, how, options)),
         ));
     }
+    jobs.push(("window-vb", Box::new(|name| extended::window(name, options))));
+    jobs.push(("rb-online-em", Box::new(|name| extended::online(name, options))));
     jobs.push((DEADLINE, Box::new(|name| deadline::run(name, options.deadline_steps, options))));
     jobs
 }

@@ -1,10 +1,10 @@
 //! Expectation maximisation over all scans at once, the path by a particle smoother (Özkan 2019, equations 13
 //! and 14).
 
-use super::scan::{Lobes, MOMENTS, PointScan, checked, expect};
+use super::centre::{Centre, check};
+use super::scan::{Lobes, MOMENTS, PointScan, expect};
 use super::shape::Shape;
 use super::statistics::{MStep, Sums};
-use super::window::Centre;
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, ParticleFilter, Settings};
@@ -76,7 +76,7 @@ where
 {
     settings.m_step.check()?;
     Error::positive("iterations", settings.iterations as f64)?;
-    scans.iter().try_for_each(|(_, points)| checked(points))?;
+    scans.iter().try_for_each(|(_, points)| check(points))?;
     let mut fit = BatchFit { shape: first.clone(), states: Vec::new(), log_likelihoods: Vec::new() };
     let mut sums = vec![Sums::default(); first.len()];
     for turn in 0..settings.iterations {

@@ -1,10 +1,79 @@
-//! What the filters of one shape share: the centre seen through the tangent, and the correction that follows.
+//! Where in a state the body is: its centre and its heading.
 
-use super::window::Centre;
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
-use crate::math::{Cholesky, Dual, Matrix};
+use crate::math::{Cholesky, Dual, Matrix, Real};
 use std::array::from_fn;
+
+/// Where in the plane a state has its centre, h(x) of Özkan 2019, equation 6, and how its body is turned.
+pub trait Centre<const N: usize>: Clone + Send + Sync {
+    /// Whether the body turns with the state; else it keeps its direction in the plane.
+    const TURNS: bool = false;
+
+    /// h(x), m.
+    fn at<R: Real>(&self, x: [R; N]) -> [R; 2];
+
+    /// Angle of the body in the plane, rad, counterclockwise; of use only where it [turns](Centre::TURNS).
+    #[inline(always)]
+    fn heading<R: Real>(&self, x: [R; N]) -> R {
+        x[0].constant(0.0)
+    }
+}
+
+/// The first two components of the state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FirstTwo;
+
+impl<const N: usize> Centre<N> for FirstTwo {
+    #[inline(always)]
+    fn at<R: Real>(&self, x: [R; N]) -> [R; 2] {
+        const { assert!(N >= 2, "the state has no position") };
+        [x[0], x[1]]
+    }
+}
+
+/// The first two components of the state, the body pointing where the next two, its velocity, do.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AlongVelocity;
+
+impl<const N: usize> Centre<N> for AlongVelocity {
+    const TURNS: bool = true;
+
+    #[inline(always)]
+    fn at<R: Real>(&self, x: [R; N]) -> [R; 2] {
+        const { assert!(N >= 4, "the state has no position and velocity") };
+        [x[0], x[1]]
+    }
+
+    #[inline(always)]
+    fn heading<R: Real>(&self, x: [R; N]) -> R {
+        x[3].atan2(x[2])
+    }
+}
+
+/// The first two components of the state, the body turned by another, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurnedBy(
+    /// Which.
+    pub usize,
+);
+
+impl<const N: usize> Centre<N> for TurnedBy {
+    const TURNS: bool = true;
+
+    #[inline(always)]
+    fn at<R: Real>(&self, x: [R; N]) -> [R; 2] {
+        const { assert!(N >= 3, "the state has no position and angle") };
+        [x[0], x[1]]
+    }
+
+    /// # Panics
+    /// Where the state has no such component.
+    #[inline(always)]
+    fn heading<R: Real>(&self, x: [R; N]) -> R {
+        x[self.0]
+    }
+}
 
 /// The law of the centre, by the tangent at the mean of the state.
 #[derive(Clone, Copy, Debug)]
@@ -41,11 +110,11 @@ impl<const N: usize> Seen<N> {
 }
 
 /// Refuses points that are not finite.
-pub(super) fn check(points: &[[f64; 2]]) -> Result<()> {
-    points.iter().flatten().try_for_each(|y| Error::finite("point of a scan", *y).map(|_| ()))
+pub(crate) fn check(points: &[[f64; 2]]) -> Result<()> {
+    points.iter().flatten().try_for_each(|y| Error::finite("point of a scan", *y).map(drop))
 }
 
 /// Refuses a covariance of the sensor that is not one; zero is one.
 pub(super) fn check_noise(noise: &Matrix<2, 2>) -> Result<()> {
-    Cholesky::semidefinite("noise of the sensor", noise).map(|_| ())
+    Cholesky::semidefinite("noise of the sensor", noise).map(drop)
 }

@@ -1,7 +1,6 @@
 //! A star-convex outline, its radius a Gaussian process of the angle.
 
-use super::centre::{Seen, check};
-use super::window::Centre;
+use super::centre::{Centre, Seen, check};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, MotionTangent, Outcome, Tangent, Update, predict_law};

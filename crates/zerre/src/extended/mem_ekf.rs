@@ -1,8 +1,7 @@
 //! MEM-EKF*: an ellipse by its orientation and semi-axes, seen through multiplicative noise.
 
-use super::centre::{Seen, check, check_noise};
+use super::centre::{Centre, Seen, check, check_noise};
 use super::shape::Shape;
-use super::window::Centre;
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, Tangent, Update, predict_law};

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`shape`] | unions of ellipses |
 //! | [`statistics`] | sums over points, and the shape that follows from them |
+//! | [`centre`] | where in a state the body is, and how it is turned |
 //! | [`window`] | union of ellipses by variational expectation maximisation over a window of scans |
 //! | [`random_matrix`] | one ellipse as a random matrix, its law inverse Wishart ([`inverse_wishart`]) |
 //! | [`mem_ekf`] | one ellipse as orientation and semi-axes, by multiplicative noise |
@@ -15,7 +16,7 @@
 //! | [`rate`] | how many points a scan has |
 
 pub mod batch;
-mod centre;
+pub mod centre;
 pub mod contour;
 pub mod inverse_wishart;
 pub mod mem_ekf;

@@ -1,10 +1,10 @@
 //! Online expectation maximisation by a particle filter (Özkan, Çukurova University Journal of the Faculty of
 //! Engineering and Architecture 34(1), 2019, Algorithm 1).
 
-use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven, checked};
+use super::centre::{Centre, check};
+use super::scan::{Lobes, MOMENTS, PointScan, PointScanGiven};
 use super::shape::{MAX_ELLIPSES, Shape};
 use super::statistics::{MStep, Sums};
-use super::window::Centre;
 use crate::belief::{Cloud, Gaussian};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleFilter, ParticleUpdate, Settings, Update};
@@ -84,8 +84,9 @@ pub struct OnlineEm<A, C, const N: usize, const W: usize> {
     settings: OnlineSettings,
 }
 
-/// What an [`OnlineEm`] knows.
-#[derive(Clone, Debug)]
+/// What an [`OnlineEm`] knows. It can be saved: what is loaded goes on to the same bits.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Saved<N>")]
 pub struct OnlineBelief<const N: usize> {
     cloud: Cloud<N>,
     shape: Shape,
@@ -98,7 +99,38 @@ pub struct OnlineBelief<const N: usize> {
     parents: Vec<u32>,
     /// How far the centre has moved since the statistics were written.
     moved: [f64; 2],
+    #[serde(skip_serializing)]
     parts: Vec<Part<N>>,
+}
+
+/// What is read before it is checked.
+#[derive(Deserialize)]
+struct Saved<const N: usize> {
+    cloud: Cloud<N>,
+    shape: Shape,
+    sums: Vec<Sums>,
+    scans: u64,
+    carried: Vec<Carried>,
+    parents: Vec<u32>,
+    moved: [f64; 2],
+}
+
+impl<const N: usize> TryFrom<Saved<N>> for OnlineBelief<N> {
+    type Error = Error;
+
+    fn try_from(saved: Saved<N>) -> Result<Self> {
+        let Saved { cloud, shape, sums, scans, carried, parents, moved } = saved;
+        let (count, columns) = (cloud.len(), MOMENTS * shape.len());
+        let whole = carried.iter().all(|carried| carried.columns() == columns);
+        let known = parents.iter().all(|parent| (*parent as usize) < count);
+        let lengths = [sums.len(), carried.len(), parents.len()];
+        if lengths != [shape.len(), count.div_ceil(BLOCK), count] || !whole || !known {
+            return Err(Error::Unsupported(
+                "the parts of a saved belief do not belong together: save it anew".into(),
+            ));
+        }
+        Ok(OnlineBelief { parts: parts(&carried), cloud, shape, sums, scans, carried, parents, moved })
+    }
 }
 
 /// What a block adds to the whole.
@@ -109,6 +141,13 @@ struct Part<const N: usize> {
     /// Sums of weights times that.
     sums: [f64; MAX_CARRIED],
     weights: BlockSums<N>,
+}
+
+/// Room for what each block adds.
+fn parts<const N: usize>(carried: &[Carried]) -> Vec<Part<N>> {
+    let part =
+        |to: &Carried| Part { to: to.clone(), sums: [0.0; MAX_CARRIED], weights: BlockSums::default() };
+    carried.iter().map(part).collect()
 }
 
 impl<const N: usize> OnlineBelief<N> {
@@ -339,13 +378,11 @@ where
         let cloud = self.particles.start(at, stream)?;
         let shape = self.first().clone();
         let carried = vec![Carried::new(MOMENTS * shape.len()); cloud.len().div_ceil(BLOCK)];
-        let part =
-            |to: &Carried| Part { to: to.clone(), sums: [0.0; MAX_CARRIED], weights: BlockSums::default() };
         Ok(OnlineBelief {
             sums: vec![Sums::default(); shape.len()],
             shape,
             scans: 0,
-            parts: carried.iter().map(part).collect(),
+            parts: parts(&carried),
             carried,
             parents: (0..cloud.len() as u32).collect(),
             moved: [0.0; 2],
@@ -355,7 +392,7 @@ where
 
     /// A scan without points moves the particles and says nothing.
     fn step(&self, belief: &mut OnlineBelief<N>, to: Time, scan: Option<&Vec<[f64; 2]>>) -> Result<Update> {
-        checked(scan.map_or(&[], Vec::as_slice))?;
+        check(scan.map_or(&[], Vec::as_slice))?;
         let predicted = self.particles.step(&mut belief.cloud, to, None)?;
         let Some(points) = scan else { return Ok(predicted) };
         if points.is_empty() {

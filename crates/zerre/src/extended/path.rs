@@ -5,12 +5,14 @@
 
 use crate::belief::Gaussian;
 use crate::error::Result;
-use crate::math::{Matrix, ln};
+use crate::math::{Matrix, ln, vector_serde};
+use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 
 /// Mean and covariance, unchecked.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Moments<const N: usize> {
+    #[serde(with = "vector_serde")]
     pub mean: [f64; N],
     pub covariance: Matrix<N, N>,
 }
@@ -21,12 +23,92 @@ impl<const N: usize> From<&Gaussian<N>> for Moments<N> {
     }
 }
 
-/// A motion about the state that it starts from: x' = value + F (x - mean) + noise.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A motion by its tangent: x' = value + F (x - at) + noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Leap<const N: usize> {
+    #[serde(with = "vector_serde")]
+    pub at: [f64; N],
+    #[serde(with = "vector_serde")]
     pub value: [f64; N],
     pub slope: Matrix<N, N>,
     pub noise: Matrix<N, N>,
+}
+
+/// Numbers of a pose: x and y of the centre and, for bodies that turn, the heading.
+pub(super) const POSE: usize = 3;
+
+/// The pose of a state's law, by the tangent at its mean.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Pose<const N: usize> {
+    #[serde(with = "vector_serde")]
+    pub mean: [f64; N],
+    /// m, m, rad.
+    pub at: [f64; POSE],
+    /// Derivative by the state.
+    pub slope: Matrix<POSE, N>,
+    pub spread: Matrix<POSE, POSE>,
+}
+
+/// What points say of a pose u, about some: exp(b'u - u'Ju / 2); J, the information, may be singular.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Said {
+    pub information: Matrix<POSE, POSE>,
+    pub vector: [f64; POSE],
+}
+
+impl Said {
+    pub const NOTHING: Said = Said { information: Matrix::ZERO, vector: [0.0; POSE] };
+
+    /// The mean of its logarithm under the law of a state, said about the pose `from`.
+    #[inline(always)]
+    pub fn expected<const P: usize, const N: usize>(&self, from: &Pose<N>, state: &Moments<N>) -> f64 {
+        let (b, j) = (&self.vector, &self.information.0);
+        let (u, (_, spread)) = (from.to::<P>(state), from.spread_of::<P>(state));
+        let mut sum = 0.0;
+        for p in 0..P {
+            sum += b[p] * u[p];
+            for q in 0..P {
+                sum -= 0.5 * j[p][q] * (u[p] * u[q] + spread[p][q]);
+            }
+        }
+        sum
+    }
+}
+
+impl<const N: usize> Pose<N> {
+    /// How far off the pose of another state is, by the tangent.
+    #[inline(always)]
+    pub fn to<const P: usize>(&self, state: &Moments<N>) -> [f64; POSE] {
+        let mut u = [0.0; POSE];
+        for p in 0..P {
+            for k in 0..N {
+                u[p] += self.slope.0[p][k] * (state.mean[k] - self.mean[k]);
+            }
+        }
+        u
+    }
+
+    /// P H' and H P H' of another state.
+    #[inline(always)]
+    pub fn spread_of<const P: usize>(&self, state: &Moments<N>) -> ([[f64; POSE]; N], [[f64; POSE]; POSE]) {
+        let (mut cross, mut spread) = ([[0.0; POSE]; N], [[0.0; POSE]; POSE]);
+        for i in 0..N {
+            for p in 0..P {
+                for k in 0..N {
+                    cross[i][p] += state.covariance.0[i][k] * self.slope.0[p][k];
+                }
+            }
+        }
+        for p in 0..P {
+            for q in 0..=p {
+                for k in 0..N {
+                    spread[p][q] += self.slope.0[p][k] * cross[k][q];
+                }
+                spread[q][p] = spread[p][q];
+            }
+        }
+        (cross, spread)
+    }
 }
 
 /// A B, in plain steps.
@@ -68,47 +150,85 @@ fn congruence<const R: usize, const K: usize>(a: &Matrix<R, K>, p: &Matrix<K, K>
 impl<const N: usize> Moments<N> {
     /// After the leap.
     pub fn after(&self, leap: &Leap<N>) -> Moments<N> {
-        Moments { mean: leap.value, covariance: congruence(&leap.slope, &self.covariance) + leap.noise }
+        let mut mean = leap.value;
+        for (mean, slope) in mean.iter_mut().zip(&leap.slope.0) {
+            for k in 0..N {
+                *mean += slope[k] * (self.mean[k] - leap.at[k]);
+            }
+        }
+        Moments { mean, covariance: congruence(&leap.slope, &self.covariance) + leap.noise }
     }
 
-    /// Given exp(b'h - h'Jh / 2) of the centre h, b being `vector` and J `information`, which may be singular;
-    /// `seen` is h at the mean and `slope` its derivative. With it comes the logarithm of the mean of that
-    /// factor.
-    pub fn given(
-        &self,
-        seen: [f64; 2],
-        slope: &Matrix<2, N>,
-        information: &Matrix<2, 2>,
-        vector: [f64; 2],
-    ) -> (Moments<N>, f64) {
-        // K = P H' (I + J H P H')^-1 J, in which J may be singular.
-        let cross = product(&self.covariance, &slope.transpose());
-        let spread = product(slope, &cross);
-        let weighed = product(information, &spread);
-        let [[a, b], [c, d]] = weighed.0;
-        let (a, d) = (a + 1.0, d + 1.0);
-        let det = a * d - b * c;
-        let inverse = Matrix([[d / det, -b / det], [-c / det, a / det]]);
-        let rest = [
-            vector[0] - information.0[0][0] * seen[0] - information.0[0][1] * seen[1],
-            vector[1] - information.0[1][0] * seen[0] - information.0[1][1] * seen[1],
-        ];
-        let step = [
-            inverse.0[0][0] * rest[0] + inverse.0[0][1] * rest[1],
-            inverse.0[1][0] * rest[0] + inverse.0[1][1] * rest[1],
-        ];
-        let mean = from_fn(|i| self.mean[i] + cross.0[i][0] * step[0] + cross.0[i][1] * step[1]);
-        // P - P H' (I + J S)^-1 J H P.
-        let taken = product(&inverse, information);
-        let taken = Matrix([
-            [taken.0[0][0], 0.5 * (taken.0[0][1] + taken.0[1][0])],
-            [0.5 * (taken.0[0][1] + taken.0[1][0]), taken.0[1][1]],
-        ]);
-        // b's - s'Js / 2 + r' S (I + J S)^-1 r / 2 - ln |I + J S| / 2 with r = b - J s.
-        let at = |k: usize| seen[k] * (vector[k] + rest[k]);
-        let along = |k: usize| (spread.0[k][0] * step[0] + spread.0[k][1] * step[1]) * rest[k];
-        let log_mean = 0.5 * (at(0) + at(1) + along(0) + along(1) - ln(det));
-        (Moments { mean, covariance: self.covariance - congruence(&cross, &taken) }, log_mean)
+    /// Given what points say of its pose, of `P` numbers, about the pose `from`. With it comes the logarithm of the mean
+    /// of what they say.
+    #[inline(always)]
+    pub fn given<const P: usize>(&self, from: &Pose<N>, said: &Said) -> (Moments<N>, f64) {
+        let (u, (cross, spread)) = (from.to::<P>(self), from.spread_of::<P>(self));
+        // J = L L', A = I + L' S L: (I + J S)^-1 = I - L A^-1 L' S whether or not J is singular.
+        let root = semidefinite::<P>(&said.information.0);
+        let mut inner = [[0.0; POSE]; POSE];
+        let mut sl = [[0.0; POSE]; POSE];
+        for p in 0..P {
+            for q in 0..P {
+                for k in q..P {
+                    sl[p][q] += spread[p][k] * root[k][q];
+                }
+            }
+        }
+        for p in 0..P {
+            for q in 0..=p {
+                for k in p..P {
+                    inner[p][q] += root[k][p] * sl[k][q];
+                }
+            }
+            inner[p][p] += 1.0;
+        }
+        let (lower, log_det) = definite::<P>(&inner);
+        let (mut rest, mut seen) = ([0.0; POSE], 0.0);
+        for p in 0..P {
+            rest[p] = said.vector[p];
+            for q in 0..P {
+                rest[p] -= said.information.0[p][q] * u[q];
+            }
+            seen += u[p] * (said.vector[p] + rest[p]);
+        }
+        // a = C^-1 L' S r with A = C C'; r' S (I + J S)^-1 r = r' S r - a'a.
+        let (mut a, mut along) = ([0.0; POSE], 0.0);
+        for p in 0..P {
+            for k in 0..P {
+                a[p] += sl[k][p] * rest[k];
+                along += rest[p] * spread[p][k] * rest[k];
+            }
+            for k in 0..p {
+                a[p] -= lower[p][k] * a[k];
+            }
+            a[p] *= lower[p][p];
+            along -= a[p] * a[p];
+        }
+        // D = P H' L C'^-1: the mean gains P H' r - D a, the covariance loses D D'.
+        let mut taken = [[0.0; POSE]; N];
+        let mut mean = self.mean;
+        for i in 0..N {
+            for p in 0..P {
+                for k in p..P {
+                    taken[i][p] += cross[i][k] * root[k][p];
+                }
+                for k in 0..p {
+                    taken[i][p] -= lower[p][k] * taken[i][k];
+                }
+                taken[i][p] *= lower[p][p];
+                mean[i] += cross[i][p] * rest[p] - taken[i][p] * a[p];
+            }
+        }
+        let mut covariance = self.covariance;
+        for i in 0..N {
+            for j in 0..N {
+                for p in 0..P {
+                    covariance.0[i][j] -= taken[i][p] * taken[j][p];
+                }
+            }
+        }
+        (Moments { mean, covariance }, 0.5 * (seen + along - log_det))
     }
 
     /// Given the law `after` of what comes by the leap, whose prediction was `ahead`. Where that is singular the state
@@ -173,4 +293,52 @@ fn cholesky<const N: usize>(a: &Matrix<N, N>) -> Option<[[f64; N]; N]> {
         }
     }
     Some(l)
+}
+
+/// The lower factor L of a positive semidefinite matrix L L', zero along what it does not know.
+#[inline(always)]
+fn semidefinite<const P: usize>(a: &[[f64; POSE]; POSE]) -> [[f64; POSE]; POSE] {
+    let mut l = [[0.0; POSE]; POSE];
+    for j in 0..P {
+        let mut pivot = a[j][j];
+        for k in 0..j {
+            pivot -= l[j][k] * l[j][k];
+        }
+        // Rounding may leave a little where there is nothing.
+        if pivot <= 1e-14 * a[j][j] {
+            continue;
+        }
+        l[j][j] = pivot.sqrt();
+        for i in j + 1..P {
+            let mut rest = a[i][j];
+            for k in 0..j {
+                rest -= l[i][k] * l[j][k];
+            }
+            l[i][j] = rest / l[j][j];
+        }
+    }
+    l
+}
+
+/// The lower factor of I + a positive semidefinite matrix, with the reciprocals of its diagonal, and the logarithm of the
+/// determinant.
+#[inline(always)]
+fn definite<const P: usize>(a: &[[f64; POSE]; POSE]) -> ([[f64; POSE]; POSE], f64) {
+    let (mut l, mut det) = ([[0.0; POSE]; POSE], 1.0);
+    for j in 0..P {
+        let mut pivot = a[j][j];
+        for k in 0..j {
+            pivot -= l[j][k] * l[j][k];
+        }
+        det *= pivot;
+        l[j][j] = 1.0 / pivot.sqrt();
+        for i in j + 1..P {
+            let mut rest = a[i][j];
+            for k in 0..j {
+                rest -= l[i][k] * l[j][k];
+            }
+            l[i][j] = rest * l[j][j];
+        }
+    }
+    (l, ln(det))
 }

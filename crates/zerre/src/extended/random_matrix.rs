@@ -1,10 +1,9 @@
 //! Random matrices: one ellipse, whose extent has an inverse-Wishart law.
 
-use super::centre::{Seen, check, check_noise};
+use super::centre::{Centre, Seen, check, check_noise};
 use super::inverse_wishart::InverseWishart;
 use super::rate::Rate;
 use super::shape::Shape;
-use super::window::Centre;
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, Tangent, Update, predict_law};

@@ -1,8 +1,8 @@
 //! Scans of points as a measurement: what particle filters weigh by.
 
+use super::centre::{Centre, check};
 use super::shape::{Lobe, MAX_ELLIPSES, Shape};
-use super::window::Centre;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::{Matrix, Real};
 use crate::model::Measurement;
 use crate::rng::Draws;
@@ -56,7 +56,7 @@ impl<C: Centre<N>, const N: usize> Measurement<N> for PointScan<C> {
         C: 'z;
 
     fn given<'z>(&'z self, z: &'z Vec<[f64; 2]>, _: Time) -> Result<PointScanGiven<'z, C>> {
-        checked(z)?;
+        check(z)?;
         Ok(PointScanGiven { centre: &self.centre, lobes: &self.lobes, points: z })
     }
 
@@ -66,11 +66,6 @@ impl<C: Centre<N>, const N: usize> Measurement<N> for PointScan<C> {
         let centre = given.centre.at(x);
         expect::<R, false>(given.lobes.all(), given.points, centre, 0.0, &mut none)
     }
-}
-
-/// Refuses points that are not finite.
-pub(crate) fn checked(points: &[[f64; 2]]) -> Result<()> {
-    points.iter().flatten().try_for_each(|y| Error::finite("point of a scan", *y).map(drop))
 }
 
 /// The ellipses of a shape, digested.

@@ -51,7 +51,10 @@ impl Shape {
             Cholesky::of("extent of an ellipse", &ellipse.extent)?;
         }
         Error::positive("weights of a shape", sum)?;
-        ellipses.iter_mut().for_each(|ellipse| ellipse.weight /= sum);
+        // What sums to one already, as a saved shape does, keeps its bits.
+        if (sum - 1.0).abs() > 1e-14 {
+            ellipses.iter_mut().for_each(|ellipse| ellipse.weight /= sum);
+        }
         Ok(Shape { ellipses })
     }
 
@@ -163,7 +166,7 @@ impl Lobe {
         }
         let second = pivot.sqrt();
         let root = [1.0 / first, -cross / (first * second), 1.0 / second];
-        let constant = ln(e.weight) - ln(first * second) - LN_2PI;
+        let constant = ln(e.weight / (first * second)) - LN_2PI;
         Ok(Lobe { offset: e.offset, root, constant })
     }
 

@@ -1,7 +1,8 @@
 //! A first shape from the points alone, and how many ellipses they call for.
 
+use super::centre::Centre;
 use super::shape::{Ellipse, Shape};
-use super::window::{Centre, Smoothed, WindowVb};
+use super::window::{Smoothed, WindowVb};
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
 use crate::math::{Matrix, ln};

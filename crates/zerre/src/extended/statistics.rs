@@ -28,16 +28,16 @@ impl Sums {
     pub fn add(&mut self, share: f64, d: [f64; 2], spread: &Matrix<2, 2>) {
         let [x, y] = d;
         self.count += share;
-        self.first[0] = share.mul_add(x, self.first[0]);
-        self.first[1] = share.mul_add(y, self.first[1]);
-        self.second[0] = share.mul_add(x.mul_add(x, spread.0[0][0]), self.second[0]);
-        self.second[1] = share.mul_add(x.mul_add(y, spread.0[0][1]), self.second[1]);
-        self.second[2] = share.mul_add(y.mul_add(y, spread.0[1][1]), self.second[2]);
+        self.first[0] += share * x;
+        self.first[1] += share * y;
+        self.second[0] += share * (x * x + spread.0[0][0]);
+        self.second[1] += share * (x * y + spread.0[0][1]);
+        self.second[2] += share * (y * y + spread.0[1][1]);
     }
 
     /// self <- keep self + share other.
     pub fn blend(&mut self, keep: f64, share: f64, other: &Sums) {
-        let blend = |a: &mut f64, b: f64| *a = keep.mul_add(*a, share * b);
+        let blend = |a: &mut f64, b: f64| *a = keep * *a + share * b;
         blend(&mut self.count, other.count);
         for k in 0..2 {
             blend(&mut self.first[k], other.first[k]);

@@ -19,12 +19,22 @@ pub(crate) struct Lobe {
 /// Sums over points d, each counted by its share in a lobe: of 1, x, y, xx, xy, yy.
 pub(crate) type Shared = [f64; 6];
 
+/// Numbers of [`Shared`].
+const SUMS: usize = 6;
+
 /// Takes in points at d, `keep` (1 or 0) of each.
 #[inline(always)]
-fn take<R: Real>(d: [R; 2], keep: R, lobes: &[Lobe], rest: f64, sums: &mut [[R; 6]], bound: &mut R) {
+fn take<R: Real, const MOST: usize>(
+    d: [R; 2],
+    keep: R,
+    lobes: &[Lobe],
+    rest: f64,
+    sums: &mut [[R; SUMS]],
+    bound: &mut R,
+) {
     // Above -inf, so that differences from it are numbers.
     let mut most = keep.constant(rest.max(f64::MIN));
-    let mut shares = [most; MAX_LOBES];
+    let mut shares = [most; MOST];
     for (share, lobe) in shares.iter_mut().zip(lobes) {
         let [a, b, c] = lobe.root;
         let (x, y) = (d[0] - lobe.offset[0], d[1] - lobe.offset[1]);
@@ -64,63 +74,75 @@ pub(crate) fn share_points(
     sums: &mut [Shared],
 ) -> f64 {
     #[inline(always)]
-    fn run<S: Token>(
+    fn run<S: Token, const MOST: usize>(
         simd: S,
         [x, y]: [&[f64]; 2],
         lobes: &[Lobe],
         rest: f64,
-        sums: &mut [[[f64; LANES]; 6]],
-    ) -> [f64; LANES] {
+        sums: &mut [Shared],
+    ) -> f64 {
         let zero = Lanes::splat(simd, 0.0);
-        let mut all = [[zero; 6]; MAX_LOBES];
+        let mut all = [[zero; SUMS]; MOST];
         let (mut bound, keep) = (zero, Lanes::splat(simd, 1.0));
         let whole = x.len() / LANES * LANES;
         for i in (0..whole).step_by(LANES) {
             let d = [Lanes::load(simd, &x[i..i + LANES]), Lanes::load(simd, &y[i..i + LANES])];
-            take(d, keep, lobes, rest, &mut all[..lobes.len()], &mut bound);
+            take::<_, MOST>(d, keep, lobes, rest, &mut all[..lobes.len()], &mut bound);
         }
         if whole < x.len() {
             let mut mask = [0.0; LANES];
             mask[..x.len() - whole].fill(1.0);
             let d = [load_part(simd, &x[whole..]), load_part(simd, &y[whole..])];
-            take(d, Lanes::load(simd, &mask), lobes, rest, &mut all[..lobes.len()], &mut bound);
+            take::<_, MOST>(d, Lanes::load(simd, &mask), lobes, rest, &mut all[..lobes.len()], &mut bound);
         }
+        let sum = |lanes: Lanes<S>| {
+            let mut out = [0.0; LANES];
+            lanes.store(&mut out);
+            fold(&out)
+        };
         for (sums, lanes) in sums.iter_mut().zip(all) {
-            for (sum, lanes) in sums.iter_mut().zip(lanes) {
-                lanes.store(sum);
-            }
+            *sums = lanes.map(sum);
         }
-        let mut out = [0.0; LANES];
-        bound.store(&mut out);
-        out
+        sum(bound)
     }
-    fn naive([x, y]: [&[f64]; 2], lobes: &[Lobe], rest: f64, sums: &mut [[[f64; LANES]; 6]]) -> [f64; LANES] {
-        let mut out = [0.0; LANES];
+    fn naive<const MOST: usize>([x, y]: [&[f64]; 2], lobes: &[Lobe], rest: f64, sums: &mut [Shared]) -> f64 {
+        let mut bound = [0.0; LANES];
+        let mut all = [[[0.0; LANES]; SUMS]; MOST];
         for lane in 0..LANES {
-            let mut all = [[0.0; 6]; MAX_LOBES];
+            let mut of_lane = [[0.0; SUMS]; MOST];
             for first in (0..x.len()).step_by(LANES) {
                 let i = first + lane;
                 let (at, keep) = if i < x.len() { (i, 1.0) } else { (first, 0.0) };
-                take([x[at], y[at]], keep, lobes, rest, &mut all[..lobes.len()], &mut out[lane]);
+                let own = &mut of_lane[..lobes.len()];
+                take::<_, MOST>([x[at], y[at]], keep, lobes, rest, own, &mut bound[lane]);
             }
-            for (sums, one) in sums.iter_mut().zip(all) {
+            for (sums, one) in all.iter_mut().zip(of_lane) {
                 for (sum, one) in sums.iter_mut().zip(one) {
                     sum[lane] = one;
                 }
             }
         }
-        out
+        for (sums, lanes) in sums.iter_mut().zip(&all) {
+            *sums = std::array::from_fn(|k| fold(&lanes[k]));
+        }
+        fold(&bound)
     }
     assert!(x.len() == y.len() && lobes.len() <= MAX_LOBES && sums.len() == lobes.len());
-    let mut lanes = [[[0.0; LANES]; 6]; MAX_LOBES];
-    let all = &mut lanes[..lobes.len()];
-    let bound = dispatch!(level, simd => run(simd, [x, y], lobes, rest, all), naive => naive([x, y], lobes, rest, all));
-    for (sums, lanes) in sums.iter_mut().zip(&lanes) {
-        for (sum, lanes) in sums.iter_mut().zip(lanes) {
-            *sum = lanes.iter().sum();
-        }
+    // Few lobes are the rule, and much less to keep at hand.
+    macro_rules! at_most {
+        ($most:expr) => {
+            dispatch!(
+                level,
+                simd => run::<_, $most>(simd, [x, y], lobes, rest, sums),
+                naive => naive::<$most>([x, y], lobes, rest, sums)
+            )
+        };
     }
-    bound.iter().sum()
+    if lobes.len() <= 4 { at_most!(4) } else { at_most!(MAX_LOBES) }
+}
+
+fn fold(lanes: &[f64; LANES]) -> f64 {
+    lanes.iter().sum()
 }
 
 #[cfg(test)]
@@ -143,13 +165,13 @@ mod tests {
             let (x, y): (Vec<f64>, Vec<f64>) = (0..n).map(|_| (draws.normal(), draws.normal())).unzip();
             for rest in [f64::NEG_INFINITY, -1.0] {
                 let of = |level| {
-                    let mut sums = [[0.0; 6]; 3];
+                    let mut sums = [[0.0; SUMS]; 3];
                     let bound = share_points(level, [&x, &y], &lobes, rest, &mut sums);
                     (sums, bound)
                 };
                 let expected = of(Simd::scalar());
                 assert_eq!(of(Simd::best()), expected);
-                let (mut sums, mut bound) = ([[0.0; 6]; 3], 0.0);
+                let (mut sums, mut bound) = ([[0.0; SUMS]; 3], 0.0);
                 for (x, y) in x.iter().zip(&y) {
                     let density: Vec<f64> = lobes
                         .iter()
@@ -162,8 +184,9 @@ mod tests {
                     let total: f64 = density.iter().sum::<f64>() + rest.exp();
                     bound += total.ln();
                     for (sums, density) in sums.iter_mut().zip(&density) {
+                        let share = density / total;
                         for (sum, term) in sums.iter_mut().zip([1.0, *x, *y, x * x, x * y, y * y]) {
-                            *sum += density / total * term;
+                            *sum += share * term;
                         }
                     }
                 }
@@ -174,7 +197,7 @@ mod tests {
             }
         }
         // Points that nobody explains are nobody's.
-        let mut sums = [[0.0; 6]; 3];
+        let mut sums = [[0.0; SUMS]; 3];
         let bound = share_points(Simd::best(), [&[1e200], &[0.0]], &lobes, f64::NEG_INFINITY, &mut sums);
         assert!(bound < -1e300 && sums.iter().flatten().all(|s| !s.is_nan()));
     }

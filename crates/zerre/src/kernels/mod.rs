@@ -25,7 +25,7 @@ pub use noise::{Generator, NoiseSource, Resolution};
 pub use pool::Threads;
 
 pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
-pub(crate) use lobes::{Lobe, MAX_LOBES, share_points};
+pub(crate) use lobes::{Lobe, MAX_LOBES, Shared, share_points};
 pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
 pub(crate) use occupancy::{expected_occupied, log_absent};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};

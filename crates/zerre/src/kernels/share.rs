@@ -4,17 +4,18 @@ use super::propagate::{load_part, store_part};
 use super::weigh::fold_array;
 use super::{BLOCK, LANES, Simd};
 use crate::extended::MAX_ELLIPSES;
+use crate::extended::centre::Centre;
 use crate::extended::scan::{MOMENTS, PointScanGiven, draw_labels, expect};
-use crate::extended::window::Centre;
 use crate::math::{Lanes, Real};
 use crate::rng::Draws;
 use fearless_simd::Simd as Token;
+use serde::{Deserialize, Serialize};
 
 /// Most numbers that a particle carries.
 pub(crate) const MAX_CARRIED: usize = MOMENTS * MAX_ELLIPSES;
 
 /// What the particles of a block carry: column c of particle i at `[c * BLOCK + i]`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Carried(Vec<f64>);
 
 impl Carried {

@@ -3,11 +3,11 @@
 
 use crate::single::*;
 use zerre::belief::Gaussian;
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::contour::{Contour, ContourBelief, ContourSettings, Depth, OutlinePoint, RadiusProcess};
 use zerre::extended::inverse_wishart::InverseWishart;
 use zerre::extended::mem_ekf::{MemEkf, MemSettings};
 use zerre::extended::random_matrix::{RandomMatrix, RandomMatrixSettings, Rule};
-use zerre::extended::window::FirstTwo;
 use zerre::extended::{Ellipse, Shape};
 use zerre::filter::Filter;
 use zerre::math::{Cholesky, Matrix};

@@ -3,7 +3,7 @@
 use zerre::Time;
 use zerre::belief::Gaussian;
 use zerre::extended::batch::{BatchSettings, batch_em};
-use zerre::extended::window::FirstTwo;
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::{Ellipse, MStep, Shape, Sums};
 use zerre::filter::Settings;
 use zerre::math::Matrix;

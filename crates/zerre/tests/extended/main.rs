@@ -2,11 +2,16 @@
 
 mod baselines;
 mod batch;
+mod changing;
 mod contour;
+mod heading;
 mod mem_ekf;
+mod number;
 mod online;
 mod random_matrix;
+mod rate;
 mod single;
+mod start;
 mod window;
 
 use zerre::Time;

@@ -3,10 +3,10 @@
 use crate::single::*;
 use zerre::Time;
 use zerre::belief::Gaussian;
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::inverse_wishart::InverseWishart;
 use zerre::extended::mem_ekf::{MemEkf, MemSettings};
 use zerre::extended::random_matrix::{RandomMatrix, RandomMatrixSettings, Rule};
-use zerre::extended::window::FirstTwo;
 use zerre::math::Matrix;
 use zerre::rng::Draws;
 

@@ -2,8 +2,8 @@
 
 use zerre::Time;
 use zerre::belief::Gaussian;
+use zerre::extended::centre::{Centre, FirstTwo};
 use zerre::extended::online::{OnlineBelief, OnlineEm, OnlineSettings, Reading};
-use zerre::extended::window::{Centre, FirstTwo};
 use zerre::extended::{Ellipse, MStep, Shape, Sums};
 use zerre::filter::{Filter, Outcome};
 use zerre::kernels::{Simd, Threads};
@@ -475,4 +475,24 @@ fn a_centre_may_be_any_function_of_the_state() {
     let seen = Polar.at(belief.cloud().mean());
     let off = (seen[0] - centre[0]).hypot(seen[1] - centre[1]);
     assert!(off < 5.0 * (12.0f64 / 30.0).sqrt(), "{off}");
+}
+
+/// A belief that is saved and loaded goes on to the same bits; one whose parts do not belong together is refused.
+#[test]
+fn saved_beliefs_go_on() {
+    let (_, scans) = crate::record(6, 8);
+    let filter = filter(near(), 1.0, OnlineSettings { particles: 600, ..OnlineSettings::default() });
+    let mut belief = filter.start(Time::ZERO, Stream::new(2)).unwrap();
+    for (k, scan) in scans.iter().enumerate() {
+        let text = serde_json::to_string(&belief).unwrap();
+        let mut loaded: OnlineBelief<4> = serde_json::from_str(&text).unwrap();
+        let a = filter.step(&mut belief, at(k + 1), Some(scan)).unwrap();
+        let b = filter.step(&mut loaded, at(k + 1), Some(scan)).unwrap();
+        assert_eq!(a.log_evidence.to_bits(), b.log_evidence.to_bits(), "{k}");
+        assert_eq!(belief.shape(), loaded.shape());
+    }
+    let mut value = serde_json::to_value(&belief).unwrap();
+    value["parents"][0] = 600.into();
+    let refused = serde_json::from_value::<OnlineBelief<4>>(value).unwrap_err().to_string();
+    assert!(refused.contains("belong together"), "{refused}");
 }

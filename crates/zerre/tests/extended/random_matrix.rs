@@ -3,10 +3,10 @@
 use crate::single::*;
 use zerre::Time;
 use zerre::belief::Gaussian;
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::inverse_wishart::InverseWishart;
 use zerre::extended::random_matrix::{RandomMatrix, RandomMatrixSettings, Rule};
 use zerre::extended::rate::Rate;
-use zerre::extended::window::FirstTwo;
 use zerre::filter::Filter;
 use zerre::math::{Cholesky, Matrix, ln_gamma};
 use zerre::rng::{Draws, Stream};

@@ -2,8 +2,9 @@
 
 use crate::{near, point, poisson, record, secs, truth};
 use zerre::belief::Gaussian;
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::rate::Rate;
-use zerre::extended::window::{Clutter, ExtendedBelief, FirstTwo, WindowSettings, WindowVb};
+use zerre::extended::window::{Clutter, ExtendedBelief, WindowSettings, WindowVb};
 use zerre::extended::{Ellipse, MStep, Shape};
 use zerre::filter::{Filter, Outcome};
 use zerre::math::{Cholesky, Matrix, gaussian::log_density};

@@ -9,6 +9,7 @@ mod film;
 pub mod methods;
 mod pictures;
 pub mod printed;
+pub mod recorded;
 mod report;
 pub mod scenario;
 pub mod settings;

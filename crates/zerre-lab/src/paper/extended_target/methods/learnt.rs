@@ -7,10 +7,11 @@ use super::super::settings::{
 };
 use super::{Body, Estimate, Task, filtered};
 use zerre::extended::batch::{BatchSettings, batch_em};
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::online::{OnlineEm, OnlineSettings, Reading};
 use zerre::extended::rate::Rate;
 use zerre::extended::start::{Search, fits};
-use zerre::extended::window::{Clutter, FirstTwo, WindowSettings, WindowVb};
+use zerre::extended::window::{Clutter, WindowSettings, WindowVb};
 use zerre::extended::{Ellipse, MStep, Shape};
 use zerre::filter::Settings;
 use zerre::model::motion::ConstantVelocity;

@@ -7,11 +7,11 @@ use super::super::settings::{
 use super::{Body, Estimate, Task, filtered};
 use zerre::Result;
 use zerre::belief::Gaussian;
+use zerre::extended::centre::FirstTwo;
 use zerre::extended::contour::Contour;
 use zerre::extended::inverse_wishart::InverseWishart;
 use zerre::extended::mem_ekf::{MemEkf, MemSettings};
 use zerre::extended::random_matrix::{RandomMatrix, RandomMatrixSettings, Rule};
-use zerre::extended::window::FirstTwo;
 use zerre::math::Matrix;
 
 /// The noise of the motion is that at the first extent.
