@@ -247,7 +247,7 @@ impl Animation {
     /// # Errors
     /// None: it is in memory.
     pub fn finish(self) -> Result<Vec<u8>> {
-        self.encoder.into_inner().map_err(|error| refused(error.into()))
+        self.encoder.into_inner().map_err(refused)
     }
 }
 

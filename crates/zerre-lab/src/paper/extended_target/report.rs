@@ -206,8 +206,7 @@ fn verdict(shares: &[Share]) -> Option<String> {
     let told = methods.iter().map(|share| format!("{} {}", share.cell.info().name, share.told()));
     let told: Vec<String> = told.collect();
     let so = if oracle.share.high < USUAL {
-        "So the printed numbers are those of a lucky run, or of one with more data than the text says: no method can have \
-         them as a rule."
+        "So the printed numbers are those of a lucky run, or of one with more data than the text says."
     } else if oracle.share.low > USUAL {
         "So the printed numbers are within the reach of usual runs."
     } else {

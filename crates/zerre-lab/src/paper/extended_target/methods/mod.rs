@@ -210,7 +210,8 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "star-convex",
-        about: "an outline whose radius is a Gaussian process of the angle (Wahlström and Özkan 2015)",
+        about: "an outline whose radius is a Gaussian process of the angle (Wahlström and Özkan 2015), made for points on \
+                it: those from the inside say less of the centre than it takes them to say",
         starts: &[Start::Near],
         cost: 400,
         run: single::star_convex,
@@ -218,7 +219,8 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "oracle",
-        about: "yardstick: the most likely shape where the path and the ellipse of every point are known",
+        about: "yardstick: the most likely shape where the path and the ellipse of every point, or that it is clutter, are \
+                known",
         clutter: &[ClutterModel::Known],
         starts: &[Start::Truth],
         run: oracle,
