@@ -225,15 +225,21 @@ fn the_bayesian_family_is_compared_world_by_world() {
     assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a != b));
 }
 
-/// The extended target in all its scenes: columns, printed values, threads, seeds, pictures.
+/// The extended target in all its scenes: columns, printed values, methods, threads, seeds, pictures.
 #[test]
 fn the_extended_target_is_run_in_all_scenes() {
     let here = folder("extended");
-    let line = "reproduce extended-target --runs 3";
-    let first = json(&here, &format!("{line} --threads 1 --out one"));
-    let second = json(&here, &format!("{line} --threads 2 --out two"));
-    assert_eq!(first["estimates_digest"], second["estimates_digest"]);
-    assert_eq!(first["rows"], second["rows"]);
+    let line = "reproduce extended-target --runs 2 --particles 60";
+    let part = |threads: usize| {
+        json(
+            &here,
+            &format!("{line} --table clutter --table rate --threads {threads} --out threads-{threads}"),
+        )
+    };
+    let (serial, parallel) = (part(1), part(2));
+    assert_eq!(serial["estimates_digest"], parallel["estimates_digest"]);
+    assert_eq!(serial["rows"], parallel["rows"]);
+    let first = json(&here, &format!("{line} --out one"));
     let rows = first["rows"].as_array().unwrap();
     for row in rows {
         for key in
@@ -248,39 +254,57 @@ fn the_extended_target_is_run_in_all_scenes() {
         let mean = row["metric"] == "fail" || row["metric"] == "as_good";
         assert_eq!(row["statistic"], if mean { "mean" } else { "median" });
     }
-    for metric in ["shape_error", "gw", "iou", "fail", "centroid_rmse"] {
-        for (scans, start) in
-            [10, 50, 100].into_iter().flat_map(|n| ["near", "data", "truth"].map(|s| (n, s)))
-        {
-            let wanted = |row: &&Value| {
-                row["method"] == "window-vb"
-                    && row["metric"] == metric
-                    && (&row["scans"], &row["start"]) == (&scans.into(), &start.into())
-                    && (&row["clutter"], &row["rate"]) == (&0.into(), &9.into())
-            };
-            let found: Vec<&Value> = rows.iter().filter(wanted).collect();
-            assert_eq!(found.len(), 1, "{metric} {scans} {start}");
-            // The printed shape gives two of the numbers, in the scene of the paper alone.
-            let printed = scans == 10 && start == "near" && (metric == "shape_error" || metric == "gw");
-            assert_eq!(!found[0]["paper_value"].is_null(), printed, "{}", found[0]);
+    // What there is of a method in the main scene from a start.
+    let found = |method: &str, scans: usize, start: &str, metric: &str| -> Vec<&Value> {
+        let wanted = |row: &&Value| {
+            (&row["method"], &row["metric"]) == (&method.into(), &metric.into())
+                && (&row["scans"], &row["start"]) == (&scans.into(), &start.into())
+                && (&row["clutter"], &row["rate"]) == (&0.into(), &9.into())
+        };
+        rows.iter().filter(wanted).collect()
+    };
+    for scans in [10, 50, 100] {
+        for method in ["paper", "paper-sequential", "rb-online-em", "window-vb", "batch-vb", "batch-pf"] {
+            for start in ["near", "data", "truth"] {
+                for metric in ["shape_error", "gw", "iou", "fail", "centroid_rmse"] {
+                    let rows = found(method, scans, start, metric);
+                    let expected = usize::from(method != "batch-pf" || scans == 10);
+                    assert_eq!(rows.len(), expected, "{method} {metric} {scans} {start}");
+                    // The printed shape gives two of the numbers, in the scene of the paper alone.
+                    let printed =
+                        scans == 10 && start == "near" && (metric == "shape_error" || metric == "gw");
+                    assert!(rows.iter().all(|row| row["paper_value"].is_null() != printed), "{rows:?}");
+                }
+            }
         }
+        for method in ["random-matrix-koch", "random-matrix-feldmann", "ggiw", "mem-ekf", "star-convex"] {
+            assert_eq!(found(method, scans, "near", "iou").len(), 1, "{method}");
+            assert!(found(method, scans, "near", "shape_error").is_empty(), "{method}");
+        }
+        assert_eq!(found("oracle", scans, "truth", "shape_error").len(), 1);
     }
     for (key, values) in [("clutter", [1, 3].as_slice()), ("rate", &[27])] {
         assert!(values.iter().all(|value| rows.iter().any(|row| row[key] == *value)), "{key}");
     }
+    let rate_errors = rows.iter().filter(|row| row["metric"] == "clutter_error");
+    assert!(rate_errors.clone().all(|row| row["clutter_model"] == "learnt") && rate_errors.count() == 2);
     for name in ["table-scene", "table-clutter", "table-rate", "rows"] {
         assert!(here.join(format!("one/{name}.csv")).exists(), "{name}");
     }
     let page = fs::read_to_string(here.join("one/report.html")).unwrap();
-    for text in ["How likely the printed numbers are", "as good as the printed one", "scans along the path"] {
+    for text in
+        ["How likely the printed numbers are", "as good as the printed one", "Outlines along the path"]
+    {
         assert!(page.contains(text), "{text}");
     }
-    // The points and the outline of every one of fifty scans.
-    let animations: Vec<&str> = page.split("<animate ").skip(1).collect();
-    assert!(!animations.is_empty());
-    for animation in animations {
-        let values = animation.split("values=\"").nth(1).unwrap().split('"').next().unwrap();
-        assert_eq!(values.split(';').count(), 50);
+    let record: Value =
+        serde_json::from_str(&fs::read_to_string(here.join("one/run.json")).unwrap()).unwrap();
+    for method in ["paper", "rb-online-em", "window-vb"] {
+        let name = format!("shape-{method}.gif");
+        let file = fs::read(here.join("one").join(&name)).unwrap();
+        assert!(file.starts_with(b"GIF89a") && file.ends_with(b";"), "{name}");
+        assert!(page.contains(&format!("<img src=\"{name}\"")), "{name}");
+        assert!(record["files"].as_array().unwrap().contains(&name.as_str().into()), "{name}");
     }
     let other = json(&here, &format!("{line} --seed 2 --out other"));
     let values = |document: &Value| -> Vec<f64> {

@@ -53,6 +53,12 @@ pub enum Error {
         /// Row that shows it, from 0.
         row: usize,
     },
+    /// An animation that cannot be written.
+    #[error("the animation cannot be written: {why}")]
+    Animation {
+        /// What the encoder says.
+        why: String,
+    },
 }
 
 impl Error {

@@ -99,6 +99,9 @@ pub(super) fn conduct<E: Experiment>(
     for table in &finished.tables {
         folder.write(&format!("{}.csv", table.name), |file| file.write_all(table.csv().as_bytes()))?;
     }
+    for (name, bytes) in &finished.files {
+        folder.write(name, |file| file.write_all(bytes))?;
+    }
     more(&finished, &mut folder)?;
     finished.page.command = order.line;
     finished.page.digest.clone_from(&digest);

@@ -6,7 +6,9 @@
 //! Everything handed in is drawn as far as it goes: lists of unequal length end with the shortest, numbers that are
 //! not finite leave gaps, texts may hold anything.
 
+pub mod animation;
 mod chart;
+mod letters;
 mod page;
 mod plan;
 pub mod study;

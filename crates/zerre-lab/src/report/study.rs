@@ -30,8 +30,21 @@ pub struct Section {
     pub points: Vec<String>,
     /// Figures.
     pub figures: Vec<Figure>,
+    /// Pictures in files of their own.
+    pub pictures: Vec<Picture>,
     /// Tables.
     pub tables: Vec<Grid>,
+}
+
+/// A picture in a file beside the page.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Picture {
+    /// What it shows.
+    pub title: String,
+    /// Name of the file.
+    pub file: String,
+    /// Pixels across and down.
+    pub size: [u16; 2],
 }
 
 /// A table for readers.
@@ -124,8 +137,6 @@ pub struct Series {
     pub name: String,
     /// Its points; those that are not finite interrupt it.
     pub points: Vec<[f64; 2]>,
-    /// Points that it has one after the other, in an animation; the last where there is none, as on paper.
-    pub frames: Vec<Vec<[f64; 2]>>,
     /// Drawn as dots.
     pub dots: bool,
     /// Drawn thin and dotted, in the colour of the text: what the others are compared with.
@@ -134,23 +145,22 @@ pub struct Series {
 
 const WIDTH: f64 = 480.0;
 const HEIGHT: f64 = 300.0;
-const MAP_HEIGHT: f64 = 460.0;
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 10.0;
 const TOP: f64 = 10.0;
 const BOTTOM: f64 = 40.0;
-/// Seconds that a frame of an animation stays.
-const FRAME: f64 = 0.25;
+/// Columns of a table that have their smaller text beside the larger; of more it stands below.
+const MOST_COLUMNS: usize = 8;
 /// Colours of the palette; further series are dashed.
 const COLOURS: usize = 6;
 
 const STYLE: &str = ".study .charts{grid-template-columns:repeat(auto-fill,minmax(min(420px,100%),1fr));align-items:start}\
 .aside{color:var(--muted);font-size:12px;margin-left:6px}.doubt{color:var(--warn);font-weight:700}\
-.study table{font-size:13.5px;margin:0 0 8px}.study caption{text-align:left;color:var(--muted);padding:12px 0 6px}\
+.study .wide .aside{display:block;margin:0}.study .wide :is(th,td){padding-right:10px}.study table{font-size:13.5px;margin:0 0 8px}.study caption{text-align:left;color:var(--muted);padding:12px 0 6px}\
 .study ul.points{max-width:76ch;padding-left:20px;margin:0 0 12px}.study ul.points li{margin:0 0 6px}\
 .study .chart svg .tick text{font-size:12px}svg .reference{stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 3;opacity:.8}\
 .study .chart svg circle{fill:var(--muted);opacity:.55}.study .chart svg circle.front{fill:var(--c0);opacity:1}\
-.study .chart svg .names text{font-size:11.5px;fill:var(--ink)}svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
+.study .chart svg .names text{font-size:11.5px;fill:var(--ink)}.study .swatch.spot{width:7px;height:7px;border:0;border-radius:50%;background:var(--c)}.study img{width:100%;height:auto;border:1px solid var(--line);border-radius:8px}svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
 
 /// The whole document.
 pub fn render(report: &StudyReport) -> String {
@@ -194,21 +204,34 @@ fn section(out: &mut String, section: &Section) {
         }
         out.push_str("</ul>");
     }
-    if !section.figures.is_empty() {
+    if !(section.figures.is_empty() && section.pictures.is_empty()) {
         out.push_str("<div class=\"charts\">");
         section.figures.iter().for_each(|f| figure(out, f));
+        section.pictures.iter().for_each(|p| picture(out, p));
         out.push_str("</div>");
     }
     section.tables.iter().for_each(|g| grid(out, g));
     out.push_str("</section>\n");
 }
 
+fn picture(out: &mut String, picture: &Picture) {
+    let Picture { title, file, size: [width, height] } = picture;
+    let _ = write!(
+        out,
+        "<figure class=\"chart\"><figcaption>{title} <span class=\"unit\">{file}</span></figcaption>\
+         <img src=\"{file}\" alt=\"{title}\" width=\"{width}\" height=\"{height}\" loading=\"lazy\"/></figure>",
+        title = Escaped(title),
+        file = Escaped(file),
+    );
+}
+
 fn grid(out: &mut String, grid: &Grid) {
     let _ = write!(
         out,
-        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\"><table><caption>{caption}\
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\"><table{wide}><caption>{caption}\
          </caption><thead><tr>",
-        caption = Escaped(&grid.caption)
+        caption = Escaped(&grid.caption),
+        wide = if grid.head.len() > MOST_COLUMNS { " class=\"wide\"" } else { "" },
     );
     for name in &grid.head {
         let _ = write!(out, "<th scope=\"col\">{}</th>", Escaped(name));
@@ -285,18 +308,19 @@ fn log10(value: f64) -> f64 {
 }
 
 fn figure(out: &mut String, figure: &Figure) {
-    let height = if figure.map { MAP_HEIGHT } else { HEIGHT };
-    let (wide, high) = (WIDTH - LEFT - RIGHT, height - TOP - BOTTOM);
-    let drawn = |k: usize| {
-        move |s: &Series| -> Vec<f64> {
-            s.points.iter().chain(s.frames.iter().flatten()).map(|p| p[k]).collect()
-        }
-    };
-    let lines = |k: usize| figure.series.iter().flat_map(drawn(k));
+    let lines = |k: usize| figure.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
     let all = |k: usize| lines(k).chain(figure.marks.iter().map(move |mark| mark.at[k]));
     let margin = if figure.map || !figure.marks.is_empty() { 0.05 } else { 0.0 };
     let mut x = Scale::over(all(0), margin, figure.logarithmic_x);
     let mut y = Scale::over(all(1), 0.06, figure.logarithmic);
+    let wide = WIDTH - LEFT - RIGHT;
+    let high = if figure.map {
+        // As flat or as tall as what it shows, within reason.
+        (wide * y.range.span() / x.range.span()).clamp(0.3 * wide, wide).round()
+    } else {
+        HEIGHT - TOP - BOTTOM
+    };
+    let height = high + TOP + BOTTOM;
     if figure.map {
         // The axis with room to spare is widened until a length is the same along both.
         let unit = (x.range.span() / wide).max(y.range.span() / high);
@@ -358,26 +382,14 @@ fn figure(out: &mut String, figure: &Figure) {
             (false, true) => "reference",
             (false, false) => "mean",
         };
-        let line = |points: &[[f64; 2]]| {
-            let points = points.iter().map(|p| at(*p));
-            if series.dots { dots(points) } else { path(points) }
-        };
-        let d = line(series.frames.last().unwrap_or(&series.points));
-        let _ = write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\">");
-        if !series.frames.is_empty() {
-            let frames: Vec<String> = series.frames.iter().map(|points| line(points)).collect();
-            let _ = write!(
-                out,
-                "<animate attributeName=\"d\" calcMode=\"discrete\" dur=\"{}s\" repeatCount=\"indefinite\" \
-                 values=\"{}\"/>",
-                FRAME * frames.len() as f64,
-                frames.join(";")
-            );
-        }
-        out.push_str("</path></g>");
+        let points = series.points.iter().map(|p| at(*p));
+        let d = if series.dots { dots(points) } else { path(points) };
+        let _ =
+            write!(out, "<g class=\"{dashed}\" style=\"{colour}\"><path class=\"{class}\" d=\"{d}\"/></g>");
         let _ = write!(
             key,
-            "<li style=\"{colour}\"><span class=\"swatch{dashed}\"></span>{}</li>",
+            "<li style=\"{colour}\"><span class=\"swatch{dashed}{}\"></span>{}</li>",
+            if series.dots { " spot" } else { "" },
             Escaped(&series.name)
         );
     }
@@ -434,6 +446,18 @@ fn about_the_middle(range: Range, span: f64) -> Range {
 mod tests {
     use super::*;
 
+    /// Beside the page and nowhere else.
+    #[test]
+    fn pictures_are_shown() {
+        let picture = Picture { title: "a \"film\"".into(), file: "shape.gif".into(), size: [640, 480] };
+        let section = Section { pictures: vec![picture], ..Section::default() };
+        let page = render(&StudyReport { sections: vec![section], ..StudyReport::default() });
+        assert!(super::super::tests::is_balanced(&page));
+        assert!(
+            page.contains("<img src=\"shape.gif\" alt=\"a &quot;film&quot;\" width=\"640\" height=\"480\"")
+        );
+    }
+
     fn sample() -> StudyReport {
         let line = |name: &str, values: &[f64]| Series {
             name: name.into(),
@@ -464,6 +488,7 @@ mod tests {
                     Figure { logarithmic: false, map: true, ..figure },
                     Figure::default(),
                 ],
+                pictures: Vec::new(),
                 tables: vec![Grid {
                     caption: "numbers".into(),
                     head: vec!["x".into(), "y".into()],
@@ -504,25 +529,6 @@ mod tests {
         report.sections[0].tables[0].rows[0][0] = Shown { aside: evil.into(), ..evil.into() };
         let page = render(&report);
         assert!(!page.contains("<script"));
-    }
-
-    /// An animation has all its frames, rests on the last, and is on the page as a whole.
-    #[test]
-    fn frames_follow_each_other() {
-        let frames = vec![vec![[0.0, 0.0], [1.0, 0.0]], Vec::new(), vec![[0.0, 0.0], [10.0, 10.0]]];
-        let moving = Series { name: "moving".into(), frames, ..Series::default() };
-        let figure = Figure { map: true, series: vec![moving], ..Figure::default() };
-        let mut page = String::new();
-        super::figure(&mut page, &figure);
-        let between = |from: &str| page.split(from).nth(1).unwrap().split('"').next().unwrap().to_owned();
-        let frames = between("values=\"");
-        let frames: Vec<&str> = frames.split(';').collect();
-        assert_eq!((frames.len(), frames[1]), (3, ""));
-        assert_eq!(between("class=\"mean\" d=\""), frames[2]);
-        assert!(page.contains("dur=\"0.75s\"") && super::super::tests::is_balanced(&page));
-        let numbers = frames[2].split(['M', 'L', ',']).filter(|text| !text.is_empty());
-        let numbers: Vec<f64> = numbers.map(|text| text.parse().unwrap()).collect();
-        assert!(numbers.iter().all(|at| (0.0..=WIDTH).contains(at)), "{numbers:?}");
     }
 
     /// A length of one along x and along y is drawn alike on a map.

@@ -368,6 +368,7 @@ impl Experiment for Comparison {
                 .flat_map(|row| [row.value, row.low.unwrap_or(f64::NAN), row.high.unwrap_or(f64::NAN)])
                 .collect(),
             tables: vec![self.results(&ranked), self.ranking(&ranked)],
+            files: Vec::new(),
             page: self.page(&ranked, outcomes.len() < self.cells().len()),
             mishaps: vec![Mishap::without_likelihood(degenerate), Mishap::refused(lost)],
             rows,

@@ -70,6 +70,8 @@ pub struct Finished<R> {
     pub rows: Vec<R>,
     /// Tables, each a file.
     pub tables: Vec<Table>,
+    /// Further files, by name.
+    pub files: Vec<(String, Vec<u8>)>,
     /// The page, still without its command line, its digest and the settings' origin.
     pub page: StudyReport,
     /// What did not go as planned.

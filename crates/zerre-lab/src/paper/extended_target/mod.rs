@@ -5,7 +5,9 @@
 //! names tables; each of their [`Cell`]s is one method in one scene, and [`ExtendedTarget`] is all of it as an
 //! [`Experiment`].
 
+mod film;
 pub mod methods;
+mod pictures;
 pub mod printed;
 pub mod recorded;
 mod report;
@@ -19,7 +21,7 @@ use super::Paper;
 use crate::metric::{Region, mixture_wasserstein, shape_errors};
 use crate::study::experiment::{Experiment, Finished, Mishap, SettingsFile};
 use methods::{Body, Estimate, METHODS, Method, Task};
-use scenario::{Record, Start, first_shape, near, record, truth};
+use scenario::{ClutterModel, Record, Start, first_shape, near, record, truth};
 use serde::{Deserialize, Serialize};
 use settings::{
     CLUTTER, CLUTTER_SCANS, FAILED_CENTROID, FAILED_IOU, OTHER_RATE, OTHER_RATE_SCANS, OUTLINE, PARTICLES,
@@ -71,8 +73,8 @@ pub struct Cell {
     pub rate: usize,
     /// Mean number of points of clutter in a scan.
     pub clutter: usize,
-    /// Whether the method is left to take clutter for the target.
-    pub ignored: bool,
+    /// What the method knows of it.
+    pub model: ClutterModel,
     /// Length of the recording.
     pub scans: usize,
     /// What the shape is learnt from.
@@ -85,22 +87,13 @@ impl Cell {
         &METHODS[self.method]
     }
 
-    /// What the method does about clutter.
-    fn clutter_model(&self) -> &'static str {
-        match (self.clutter, self.ignored) {
-            (0, _) => "none",
-            (_, true) => "ignored",
-            (_, false) => "known",
-        }
-    }
-
     /// The scenes of a table; methods that do not distinguish `near` are there with the start they have.
     fn of_table(table: &str, method: usize) -> Vec<Cell> {
         let info = &METHODS[method];
         let near = if info.starts.contains(&Start::Near) { Start::Near } else { info.starts[0] };
-        let plain =
-            Cell { method, rate: RATE, clutter: 0, ignored: false, scans: CLUTTER_SCANS, start: near };
-        match table {
+        let (clutter, model) = (0, ClutterModel::None);
+        let plain = Cell { method, rate: RATE, clutter, model, scans: CLUTTER_SCANS, start: near };
+        let mut cells: Vec<Cell> = match table {
             "scene" => SCANS
                 .iter()
                 .flat_map(|scans| {
@@ -109,11 +102,14 @@ impl Cell {
                 .collect(),
             "clutter" => CLUTTER
                 .iter()
-                .flat_map(|clutter| [false, true].map(|ignored| Cell { clutter: *clutter, ignored, ..plain }))
-                .filter(|cell| cell.ignored || info.models_clutter)
+                .flat_map(|clutter| {
+                    info.clutter.iter().map(|model| Cell { clutter: *clutter, model: *model, ..plain })
+                })
                 .collect(),
             _ => OTHER_RATE_SCANS.map(|scans| Cell { rate: OTHER_RATE, scans, ..plain }).to_vec(),
-        }
+        };
+        cells.retain(|cell| cell.scans <= info.longest);
+        cells
     }
 
     /// Whether this is the scene of the paper.
@@ -140,6 +136,8 @@ pub struct Run {
     pub centroid_error: f64,
     /// Root mean square error of the centroid over the scans, m.
     pub centroid_rmse: f64,
+    /// Error of the rate of clutter that was learnt, points a scan.
+    pub clutter_error: Option<f64>,
     /// The method gave up: there is nothing else.
     pub lost: bool,
 }
@@ -150,7 +148,7 @@ impl Run {
         self.lost || self.iou < FAILED_IOU || self.centroid_error > FAILED_CENTROID
     }
 
-    fn of(record: &Record, estimates: &[Estimate]) -> Result<Run, Box<dyn std::error::Error>> {
+    fn of(record: &Record, clutter: f64, estimates: &[Estimate]) -> Result<Run, Box<dyn std::error::Error>> {
         let truth = truth()?;
         let (Some([x, y, ..]), Some(last)) = (record.path.last(), estimates.last()) else {
             return Err("no scans".into());
@@ -166,6 +164,7 @@ impl Run {
             iou: covered.intersection_over_union(&found),
             hausdorff: covered.hausdorff(&found),
             centroid_error: squares.last().map_or(0.0, |square| square.sqrt()),
+            clutter_error: last.clutter.map(|rate| (rate - clutter).abs()),
             centroid_rmse: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt(),
             ..Run::default()
         };
@@ -198,6 +197,11 @@ pub struct ExtendedTarget {
     cells: BTreeSet<Cell>,
 }
 
+/// About how many microseconds it takes to score a run, ...
+const SCORING_COST: u64 = 2000;
+/// ... and to find a start from data.
+const DATA_COST: u64 = 5000;
+
 /// Labels of the streams of recordings, of methods and of first shapes.
 const RECORDS: u64 = 0;
 const OF_METHODS: u64 = 1;
@@ -223,7 +227,8 @@ impl ExtendedTarget {
             record,
             start: near()?,
             rate: cell.rate as f64,
-            clutter: if cell.ignored { 0.0 } else { cell.clutter as f64 },
+            clutter: cell.clutter as f64,
+            clutter_model: cell.model,
             particles: self.request.particles,
             stream: stream(OF_STARTS),
         };
@@ -239,20 +244,24 @@ impl Experiment for ExtendedTarget {
     type Timing = ();
     type Row = Row;
 
-    const UNIT: &'static str = "scans";
+    const UNIT: &'static str = "milliseconds of work";
 
     fn cells(&self) -> Vec<Cell> {
         self.cells.iter().copied().collect()
     }
 
     fn key(&self, cell: &Cell) -> String {
-        let Cell { rate, clutter, scans, start, .. } = cell;
-        let (name, model) = (cell.info().name, cell.clutter_model());
+        let Cell { rate, clutter, model, scans, start, .. } = cell;
+        let (name, model) = (cell.info().name, model.name());
         format!("{name} rate {rate} clutter {clutter} {model} scans {scans} from {}", start.name())
     }
 
     fn cost(&self, cell: &Cell) -> u64 {
-        (cell.scans * self.request.runs) as u64
+        // Beside the method there are the yardsticks, and for the start from data its search.
+        let search = if cell.start == Start::Data { DATA_COST } else { 0 };
+        let filter = cell.scans as u64 * cell.info().cost * (RATE + cell.clutter + cell.rate) as u64
+            / (2 * RATE) as u64;
+        self.request.runs as u64 * (SCORING_COST + search + filter) / 1000 + 1
     }
 
     fn work(&self, cell: &Cell, stop: &dyn Fn() -> bool) -> zerre::Result<Option<Outcome>> {
@@ -263,9 +272,10 @@ impl Experiment for ExtendedTarget {
             }
             let record = self.record(cell, run)?;
             let estimates = self.estimates(cell, run, &record);
-            let found = estimates.as_ref().ok().and_then(|all| Run::of(&record, all).ok());
+            let found =
+                estimates.as_ref().ok().and_then(|all| Run::of(&record, cell.clutter as f64, all).ok());
             outcome.runs.push(found.unwrap_or(Run { lost: true, ..Run::default() }));
-            if run == 0 && tables::is_pictured(cell) {
+            if run == 0 && pictures::is_pictured(cell) {
                 outcome.pictured = estimates.unwrap_or_default();
             }
         }
@@ -281,10 +291,12 @@ impl Experiment for ExtendedTarget {
         let results = Results::new(&self.request, &self.cells, outcomes, self.seed)?;
         let rows = results.rows();
         let first = |cell: &Cell| self.record(cell, 0);
+        let films = results.films(&first)?;
         Ok(Finished {
             estimates: rows.iter().flat_map(|row| [row.value, row.low, row.high]).collect(),
             tables: results.tables(),
-            page: results.page(self.seed, interrupted, &first)?,
+            page: results.page(self.seed, interrupted, &first, &films)?,
+            files: films.into_iter().map(|film| (film.file, film.bytes)).collect(),
             mishaps: vec![Mishap {
                 what: "method gave up",
                 action: "the run counts as failed",
@@ -299,18 +311,25 @@ impl Experiment for ExtendedTarget {
 mod tests {
     use super::*;
 
+    /// Methods are in every scene that they tell apart, and in none that would take too long.
     #[test]
     fn every_method_has_its_scenes() {
         let all = ExtendedTarget::new(Request::new(false), 1);
         for (method, info) in METHODS.iter().enumerate() {
-            for scans in SCANS {
-                let of = |cell: &&Cell| {
-                    (cell.method, cell.scans, cell.clutter, cell.rate) == (method, scans, 0, RATE)
+            let of = |scans: usize, clutter: usize| {
+                let wanted = |cell: &&Cell| {
+                    (cell.method, cell.scans, cell.clutter, cell.rate) == (method, scans, clutter, RATE)
                 };
-                let starts: Vec<Start> = all.cells.iter().filter(of).map(|cell| cell.start).collect();
-                assert_eq!(starts, info.starts, "{} {scans}", info.name);
+                all.cells.iter().filter(wanted).copied().collect::<Vec<Cell>>()
+            };
+            for scans in SCANS {
+                let starts: Vec<Start> = of(scans, 0).iter().map(|cell| cell.start).collect();
+                let expected = if scans <= info.longest { info.starts } else { &[] };
+                assert_eq!(starts, expected, "{} {scans}", info.name);
             }
-            assert!(all.cells.iter().any(|cell| cell.method == method && cell.ignored));
+            let models: Vec<ClutterModel> = of(CLUTTER_SCANS, 3).iter().map(|cell| cell.model).collect();
+            let expected = if CLUTTER_SCANS <= info.longest { info.clutter } else { &[] };
+            assert_eq!(models, expected, "{}", info.name);
         }
         let keys: BTreeSet<String> = all.cells.iter().map(|cell| all.key(cell)).collect();
         assert_eq!(keys.len(), all.cells.len());
@@ -323,10 +342,11 @@ mod tests {
         let at = |x: &[f64; 4], shift: f64, body: &Body| Estimate {
             centre: [x[0] + shift, x[1]],
             body: body.clone(),
+            clutter: None,
         };
         let run = |shift: f64, body: Body| {
             let all: Vec<Estimate> = record.path.iter().map(|x| at(x, shift, &body)).collect();
-            Run::of(&record, &all).unwrap()
+            Run::of(&record, 0.0, &all).unwrap()
         };
         let exact = run(0.0, Body::Ellipses(truth().unwrap()));
         assert!(exact.iou > 1.0 - 1e-9 && exact.hausdorff < 1e-9 && exact.centroid_rmse < 1e-9, "{exact:?}");

@@ -1,12 +1,8 @@
 //! The scene: a target of three ellipses on a nearly straight path, seen as points.
 
-use super::methods::{self, Task};
-use super::settings::{
-    ACCELERATION, CLUTTER_SIDE, DATA_SCANS, DATA_TRIES, DATA_VARIANCE, FIRST_STATE, FIRST_VARIANCE, FLOOR,
-    NEAR, TRUTH,
-};
+use super::methods::{Task, from_data};
+use super::settings::{ACCELERATION, CLUTTER_SIDE, FIRST_DEVIATION, FIRST_STATE, NEAR, TRUTH};
 use zerre::belief::Gaussian;
-use zerre::extended::statistics::floored;
 use zerre::extended::{Ellipse, Shape};
 use zerre::math::{Cholesky, Matrix, exp};
 use zerre::model::motion::ConstantVelocity;
@@ -61,7 +57,7 @@ pub fn motion() -> Result<ConstantVelocity<2>> {
 /// # Errors
 /// None: the settings are a law.
 pub fn prior() -> Result<Gaussian<4>> {
-    Gaussian::independent(FIRST_STATE, [FIRST_VARIANCE; 4])
+    Gaussian::independent(FIRST_STATE, [FIRST_DEVIATION; 4])
 }
 
 /// Draws a recording of `scans` scans with `rate` points of the target and `clutter` others in each, on average. A
@@ -138,6 +134,31 @@ impl Start {
     }
 }
 
+/// What a method knows of clutter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ClutterModel {
+    /// There is none.
+    None,
+    /// How many points of it a scan has, on average, and the area that they fall into.
+    Known,
+    /// The area alone.
+    Learnt,
+    /// Nothing: its points are taken for the target's.
+    Ignored,
+}
+
+impl ClutterModel {
+    /// Name in rows.
+    pub fn name(self) -> &'static str {
+        match self {
+            ClutterModel::None => "none",
+            ClutterModel::Known => "known",
+            ClutterModel::Learnt => "learnt",
+            ClutterModel::Ignored => "ignored",
+        }
+    }
+}
+
 /// The start `near`.
 ///
 /// # Errors
@@ -154,75 +175,8 @@ pub fn first_shape(start: Start, task: &Task<'_>) -> Result<Shape> {
     match start {
         Start::Near => near(),
         Start::Truth => truth(),
-        Start::Data => from_data(task, TRUTH.len()),
+        Start::Data => from_data(task),
     }
-}
-
-/// A shape of `count` ellipses from the first scans: their points about the centre of a single ellipse that is tracked
-/// through them, sorted into clusters (k-means++: D. Arthur, S. Vassilvitskii, SODA 2007), from each of which the
-/// window filter learns a shape; of several tries the one under which these scans are the most likely.
-fn from_data(task: &Task<'_>, count: usize) -> Result<Shape> {
-    let scans = task.record.scans.len().min(DATA_SCANS);
-    let single = Shape::ellipse(Matrix::identity() * DATA_VARIANCE)?;
-    let (centres, ..) = methods::window_over(task, &single, scans)?;
-    let residuals: Vec<[f64; 2]> = centres
-        .iter()
-        .zip(&task.record.scans)
-        .flat_map(|(c, points)| points.iter().map(|y| [y[0] - c[0], y[1] - c[1]]))
-        .collect();
-    let mut best: Option<(f64, Shape)> = None;
-    for attempt in 0..DATA_TRIES {
-        let mut draws = task.stream.draws(Purpose::Prior, attempt, 0);
-        let first = clustered(&residuals, count, &mut draws)?;
-        let (_, learnt, _) = methods::window_over(task, &first, scans)?;
-        let (_, _, evidence) = methods::window_over(task, &learnt, scans)?;
-        if best.as_ref().is_none_or(|(most, _)| evidence > *most) {
-            best = Some((evidence, learnt));
-        }
-    }
-    best.map_or(Ok(single), |(_, shape)| Ok(shape))
-}
-
-/// Clusters of points as a shape with equal weights; one without points is a circle about the centre.
-fn clustered(points: &[[f64; 2]], count: usize, draws: &mut Draws) -> Result<Shape> {
-    let squared = |p: &[f64; 2], q: &[f64; 2]| (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
-    let nearest = |p: &[f64; 2], centres: &[[f64; 2]]| {
-        let distances = centres.iter().map(|c| squared(p, c)).enumerate();
-        distances.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::INFINITY))
-    };
-    let mut centres: Vec<[f64; 2]> = Vec::new();
-    while centres.len() < count {
-        let far: Vec<f64> =
-            points.iter().map(|p| if centres.is_empty() { 1.0 } else { nearest(p, &centres).1 }).collect();
-        let mut left = draws.uniform() * far.iter().sum::<f64>();
-        let chosen = far.iter().position(|d| {
-            left -= d;
-            left < 0.0
-        });
-        centres.push(chosen.and_then(|at| points.get(at)).copied().unwrap_or_default());
-    }
-    // It settles within a few turns.
-    for _ in 0..20 {
-        let mut sums = vec![[0.0; 3]; count];
-        for p in points {
-            let sum = &mut sums[nearest(p, &centres).0];
-            *sum = [sum[0] + p[0], sum[1] + p[1], sum[2] + 1.0];
-        }
-        for (centre, [x, y, n]) in centres.iter_mut().zip(sums).filter(|(_, sum)| sum[2] > 0.0) {
-            *centre = [x / n, y / n];
-        }
-    }
-    let ellipse = |(at, offset): (usize, &[f64; 2])| {
-        let own: Vec<_> = points.iter().filter(|p| nearest(p, &centres).0 == at).collect();
-        let spread = own.iter().fold(Matrix::ZERO, |sum, p| {
-            let d = [p[0] - offset[0], p[1] - offset[1]];
-            sum + Matrix::outer(&d, &d) * (1.0 / own.len() as f64)
-        });
-        let extent =
-            if own.is_empty() { Matrix::identity() * DATA_VARIANCE } else { floored(&spread, FLOOR) };
-        Ellipse { weight: 1.0, offset: *offset, extent }
-    };
-    Shape::new(centres.iter().enumerate().map(ellipse).collect())
 }
 
 #[cfg(test)]
@@ -269,20 +223,5 @@ mod tests {
             assert_eq!(&all[..origins.len()], &own[..]);
         }
         assert_ne!(record(10, 9, 0, Stream::new(2)).unwrap().scans, short.scans);
-    }
-
-    /// Three heaps of points far apart are three clusters, from wherever one begins.
-    #[test]
-    fn clusters_are_found() {
-        let heaps = [[0.0, 0.0], [50.0, 0.0], [0.0, 50.0]];
-        let mut draws = Stream::new(4).draws(Purpose::Other, 0, 0);
-        let points: Vec<[f64; 2]> = (0..90).map(|k| heaps[k % 3].map(|x| x + draws.normal())).collect();
-        let shape = clustered(&points, 3, &mut draws).unwrap();
-        for heap in heaps {
-            // The mean of 30 points errs by 1 / sqrt(30) in each component.
-            let near = |e: &&Ellipse| (0..2).all(|k| (e.offset[k] - heap[k]).abs() < 4.5 / 30f64.sqrt());
-            assert_eq!(shape.ellipses().iter().filter(near).count(), 1, "{shape:?}");
-        }
-        assert_eq!(clustered(&[], 3, &mut draws).unwrap().len(), 3);
     }
 }

@@ -1,10 +1,10 @@
 //! Rows and tables from the outcomes of cells.
 
 use super::printed;
-use super::scenario::{Start, truth};
-use super::settings::RATE;
+use super::scenario::truth;
 use super::{Cell, Outcome, PAPER, Request, Run};
-use crate::study::interval::{Bootstraps, Estimate, mean, median};
+use crate::metric::wilson_interval;
+use crate::study::interval::{Bootstraps, Estimate, median};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,18 +20,18 @@ pub struct Row {
     pub start: &'static str,
     /// Points of clutter in a scan, on average.
     pub clutter: usize,
-    /// `none` without clutter, `known` to the method, or `ignored` by it.
+    /// `none` without clutter; its rate `known` to the method, `learnt`, or clutter `ignored`.
     pub clutter_model: &'static str,
     /// Points of the target in a scan, on average.
     pub rate: usize,
-    /// `shape_error`, `gw`, `iou`, `fail`, `centroid_rmse`, `mixture_wasserstein`, `hausdorff`, or `as_good`, the share of
-    /// runs with a shape error not above that of the printed estimate.
+    /// `shape_error`, `gw`, `iou`, `fail`, `centroid_rmse`, `mixture_wasserstein`, `hausdorff`, `clutter_error` where
+    /// its rate is learnt, or `as_good`, the share of runs with a shape error not above that of the printed estimate.
     pub metric: &'static str,
     /// `median` over runs, or `mean` of shares.
     pub statistic: &'static str,
     /// The number.
     pub value: f64,
-    /// Lower end of its 95 % bootstrap interval over runs.
+    /// Lower end of its 95 % interval: bootstrap over runs for medians, Wilson's for shares.
     pub low: f64,
     /// Upper end.
     pub high: f64,
@@ -42,7 +42,7 @@ pub struct Row {
 }
 
 /// Metrics of rows with their statistics.
-pub(super) const METRICS: [(&str, &str); 8] = [
+pub(super) const METRICS: [(&str, &str); 9] = [
     ("shape_error", "median"),
     ("gw", "median"),
     ("iou", "median"),
@@ -50,13 +50,9 @@ pub(super) const METRICS: [(&str, &str); 8] = [
     ("centroid_rmse", "median"),
     ("mixture_wasserstein", "median"),
     ("hausdorff", "median"),
+    ("clutter_error", "median"),
     ("as_good", "mean"),
 ];
-
-/// Cells of which pictures are drawn: those from the start `near` in the paper's scene, of any length.
-pub(super) fn is_pictured(cell: &Cell) -> bool {
-    (cell.rate, cell.clutter) == (RATE, 0) && cell.start == Start::Near
-}
 
 /// Everything that was computed, ready to be shown.
 #[derive(Debug)]
@@ -105,37 +101,37 @@ impl<'a> Results<'a> {
     }
 
     /// Whether a run is as good as the printed one.
-    pub(super) fn is_as_good(&self, run: &Run) -> bool {
+    fn is_as_good(&self, run: &Run) -> bool {
         run.shape_error.is_some_and(|error| error <= self.printed[0])
     }
 
     fn measure(&self, cell: &Cell, bootstraps: &Bootstraps) -> [Option<Estimate>; METRICS.len()] {
         let runs = self.runs(cell);
-        let share = |is: &dyn Fn(&Run) -> bool| -> Option<Vec<f64>> {
-            Some(runs.iter().map(|run| f64::from(u8::from(is(run)))).collect())
-        };
         // What a lost run does not have is the worst there can be; what no run has, the method does not give.
-        let column = |of: &dyn Fn(&Run) -> Option<f64>, worst: f64| -> Option<Vec<f64>> {
+        let median_of = |of: &dyn Fn(&Run) -> Option<f64>, worst: f64| {
             let kept = |run: &Run| if run.lost { None } else { of(run) };
-            let any = runs.iter().any(|run| kept(run).is_some());
-            any.then(|| runs.iter().map(|run| kept(run).unwrap_or(worst)).collect())
+            runs.iter().find_map(kept)?;
+            let values: Vec<f64> = runs.iter().map(|run| kept(run).unwrap_or(worst)).collect();
+            bootstraps.estimate(values.len(), |picked| median(&values, picked))
         };
-        METRICS.map(|(metric, statistic)| {
-            let values = match metric {
-                "shape_error" => column(&|run| run.shape_error, f64::INFINITY),
-                "gw" => column(&|run| run.gw, f64::INFINITY),
-                "iou" => column(&|run| Some(run.iou), 0.0),
-                "centroid_rmse" => column(&|run| Some(run.centroid_rmse), f64::INFINITY),
-                "mixture_wasserstein" => column(&|run| run.mixture_wasserstein, f64::INFINITY),
-                "hausdorff" => column(&|run| Some(run.hausdorff), f64::INFINITY),
-                "fail" => share(&Run::has_failed),
-                _ => share(&|run| self.is_as_good(run))
-                    .filter(|_| runs.iter().any(|run| run.shape_error.is_some())),
-            }?;
-            bootstraps.estimate(values.len(), |picked| match statistic {
-                "mean" => mean(&values, picked),
-                _ => median(&values, picked),
-            })
+        let share = |is: &dyn Fn(&Run) -> bool| {
+            let count = runs.iter().filter(|run| is(run)).count();
+            let (low, high) = wilson_interval(count, runs.len(), 0.95).ok()?;
+            Some(Estimate { value: count as f64 / runs.len() as f64, low, high })
+        };
+        METRICS.map(|(metric, _)| match metric {
+            "shape_error" => median_of(&|run| run.shape_error, f64::INFINITY),
+            "gw" => median_of(&|run| run.gw, f64::INFINITY),
+            "iou" => median_of(&|run| Some(run.iou), 0.0),
+            "centroid_rmse" => median_of(&|run| Some(run.centroid_rmse), f64::INFINITY),
+            "mixture_wasserstein" => median_of(&|run| run.mixture_wasserstein, f64::INFINITY),
+            "hausdorff" => median_of(&|run| Some(run.hausdorff), f64::INFINITY),
+            "clutter_error" => median_of(&|run| run.clutter_error, f64::INFINITY),
+            "fail" => share(&Run::has_failed),
+            _ => {
+                runs.iter().find_map(|run| run.shape_error)?;
+                share(&|run| self.is_as_good(run))
+            }
         })
     }
 
@@ -153,7 +149,7 @@ impl<'a> Results<'a> {
                 scans: cell.scans,
                 start: cell.start.name(),
                 clutter: cell.clutter,
-                clutter_model: cell.clutter_model(),
+                clutter_model: cell.model.name(),
                 rate: cell.rate,
                 metric,
                 statistic,
@@ -231,7 +227,7 @@ impl<'a> Results<'a> {
                 cell.scans.into(),
                 cell.start.name().into(),
                 cell.clutter.into(),
-                cell.clutter_model().into(),
+                cell.model.name().into(),
                 cell.rate.into(),
             ];
             for (metric, _) in METRICS {

@@ -386,6 +386,7 @@ impl Experiment for MultipleModel {
         Ok(Finished {
             estimates: estimates.flat_map(|row| [row.value, row.low, row.high]).collect(),
             tables: results.tables(),
+            files: Vec::new(),
             page: results.page(self.seed, interrupted),
             mishaps: vec![Mishap::without_likelihood(degenerate), Mishap::refused(lost)],
             rows,

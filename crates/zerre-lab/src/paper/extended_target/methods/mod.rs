@@ -1,17 +1,21 @@
 //! The methods that are compared: one entry of [`METHODS`] each.
 
-use super::scenario::{Record, Start, motion, prior};
-use super::settings::{CLUTTER_SIDE, FLOOR, PRIOR_POINTS, SWEEPS, WINDOW};
+mod learnt;
+mod single;
+
+use super::scenario::{ClutterModel, Record, Start};
+use super::settings::FLOOR;
 use crate::metric::Region;
 use serde::{Deserialize, Serialize};
-use zerre::extended::centre::FirstTwo;
-use zerre::extended::rate::Rate;
-use zerre::extended::window::{Clutter, WindowSettings, WindowVb};
+use zerre::extended::online::Reading;
+use zerre::extended::random_matrix::Rule;
 use zerre::extended::{MStep, Shape, Sums};
 use zerre::filter::Filter;
 use zerre::math::Matrix;
 use zerre::rng::Stream;
 use zerre::{Result, Time};
+
+pub(super) use learnt::from_data;
 
 /// What a method is given.
 #[derive(Clone, Debug)]
@@ -22,8 +26,10 @@ pub struct Task<'a> {
     pub start: Shape,
     /// Mean number of points of the target in a scan.
     pub rate: f64,
-    /// Mean number of points of clutter in a scan, as far as the method is told of them.
+    /// Mean number of points of clutter in a scan, for those who may know it.
     pub clutter: f64,
+    /// What the method knows of clutter.
+    pub clutter_model: ClutterModel,
     /// Particles, for methods that have them.
     pub particles: usize,
     /// Random numbers of the method's own.
@@ -37,6 +43,8 @@ pub struct Estimate {
     pub centre: [f64; 2],
     /// Its body about the centre.
     pub body: Body,
+    /// Points of clutter in a scan, where the method learns how many there are.
+    pub clutter: Option<f64>,
 }
 
 /// Body of a target about its centre.
@@ -49,6 +57,11 @@ pub enum Body {
 }
 
 impl Estimate {
+    /// Ellipses about a place.
+    fn ellipses(centre: [f64; 2], shape: Shape) -> Estimate {
+        Estimate { centre, body: Body::Ellipses(shape), clutter: None }
+    }
+
     /// Middle of the body: the mean of a point of ellipses, the centre of area within an outline.
     pub fn centroid(&self) -> [f64; 2] {
         let [x, y] = match &self.body {
@@ -91,29 +104,127 @@ pub struct Method {
     pub name: &'static str,
     /// What it does, in one line.
     pub about: &'static str,
-    /// Whether it can be told of clutter.
-    pub models_clutter: bool,
+    /// What it can be told of clutter, where there is some.
+    pub clutter: &'static [ClutterModel],
     /// The starts that it distinguishes.
     pub starts: &'static [Start],
+    /// The longest recording that it is given, in scans: longer ones would take all of the time.
+    pub longest: usize,
+    /// About how many microseconds a scan takes it.
+    pub cost: u64,
     /// Estimates after each scan of a task.
     pub run: fn(&Task<'_>) -> Result<Vec<Estimate>>,
 }
 
+/// What most methods have in common.
+const USUAL: Method = Method {
+    name: "",
+    about: "",
+    clutter: &[ClutterModel::Ignored],
+    starts: &Start::ALL,
+    longest: usize::MAX,
+    cost: 2,
+    run: |_| Ok(Vec::new()),
+};
+
 /// All methods, in the order of rows.
 pub const METHODS: &[Method] = &[
     Method {
+        name: "paper",
+        about: "the algorithm as it is printed: online expectation maximisation in a particle filter, the ellipse of each \
+                point drawn before the points are looked at",
+        cost: 500,
+        run: |task| learnt::online(task, Reading::Sampled, false),
+        ..USUAL
+    },
+    Method {
+        name: "paper-sequential",
+        about: "the same, one point at a time with resampling after each",
+        cost: 1500,
+        run: |task| learnt::online(task, Reading::Sequential, false),
+        ..USUAL
+    },
+    Method {
+        name: "rb-online-em",
+        about: "the same with the ellipses of the points summed over (Rao-Blackwell), the centre kept at the mean of a \
+                point",
+        cost: 115,
+        run: |task| learnt::online(task, Reading::Marginal, true),
+        ..USUAL
+    },
+    Method {
         name: "window-vb",
         about: "variational expectation maximisation over a window of scans",
-        models_clutter: true,
-        starts: &Start::ALL,
-        run: window_vb,
+        clutter: &[ClutterModel::Known, ClutterModel::Learnt, ClutterModel::Ignored],
+        cost: 60,
+        run: learnt::window_vb,
+        ..USUAL
+    },
+    Method {
+        name: "batch-vb",
+        about: "variational expectation maximisation over all scans at once: what it says of a scan is smoothed, by later \
+                scans too",
+        clutter: &[ClutterModel::Known, ClutterModel::Ignored],
+        cost: 110,
+        run: learnt::batch_vb,
+        ..USUAL
+    },
+    Method {
+        name: "batch-pf",
+        about: "expectation maximisation over all scans at once by a particle smoother: each turn filters and smooths all \
+                scans anew",
+        longest: super::settings::SCANS[0],
+        cost: 15_000,
+        run: learnt::batch_pf,
+        ..USUAL
+    },
+    Method {
+        name: "random-matrix-koch",
+        about: "one ellipse as a random matrix, to which errors of the centre are in proportion (Koch 2008)",
+        starts: &[Start::Near],
+        run: |task| single::random_matrix(task, single::KOCH),
+        ..USUAL
+    },
+    Method {
+        name: "random-matrix-feldmann",
+        about: "one ellipse as a random matrix, apart from the centre (Feldmann, Fränken and Koch 2011)",
+        starts: &[Start::Near],
+        run: |task| single::random_matrix(task, Rule::Feldmann { noise: Matrix::ZERO }),
+        ..USUAL
+    },
+    Method {
+        name: "ggiw",
+        about: "the same with a gamma law of the number of points (Granström and Orguner 2012), which without clutter and \
+                with one target changes neither centre nor ellipse: its numbers are those of the line above",
+        starts: &[Start::Near],
+        run: |task| single::random_matrix(task, Rule::Feldmann { noise: Matrix::ZERO }),
+        ..USUAL
+    },
+    Method {
+        name: "mem-ekf",
+        about: "one ellipse by orientation and semi-axes, through multiplicative noise (Yang and Baum 2019)",
+        starts: &[Start::Near],
+        cost: 20,
+        run: single::mem_ekf,
+        ..USUAL
+    },
+    Method {
+        name: "star-convex",
+        about: "an outline whose radius is a Gaussian process of the angle (Wahlström and Özkan 2015), made for points on \
+                it: those from the inside say less of the centre than it takes them to say",
+        starts: &[Start::Near],
+        cost: 400,
+        run: single::star_convex,
+        ..USUAL
     },
     Method {
         name: "oracle",
-        about: "yardstick: the most likely shape where the path and the ellipse of every point are known",
-        models_clutter: true,
+        about: "yardstick: the most likely shape where the path and the ellipse of every point, or that it is clutter, are \
+                known",
+        clutter: &[ClutterModel::Known],
         starts: &[Start::Truth],
         run: oracle,
+        ..USUAL
     },
 ];
 
@@ -121,61 +232,15 @@ pub const METHODS: &[Method] = &[
 fn filtered<F: Filter<Measurement = Vec<[f64; 2]>>>(
     task: &Task<'_>,
     filter: &F,
-    read: impl Fn(&F::Belief) -> Estimate,
+    read: impl Fn(&F::Belief) -> Result<Estimate>,
 ) -> Result<Vec<Estimate>> {
     let mut belief = filter.start(Time::ZERO, task.stream)?;
     let mut estimates = Vec::with_capacity(task.record.scans.len());
     for (time, scan) in task.record.times.iter().zip(&task.record.scans) {
         filter.step(&mut belief, *time, Some(scan))?;
-        estimates.push(read(&belief));
+        estimates.push(read(&belief)?);
     }
     Ok(estimates)
-}
-
-type Window = WindowVb<zerre::model::motion::ConstantVelocity<2>, FirstTwo, 4, 4>;
-
-fn window(task: &Task<'_>, first: &Shape) -> Result<Window> {
-    // Rates that are known are as from many scans.
-    let known = |mean| Rate::new(mean, 1e6, 1.0);
-    let clutter = if task.clutter > 0.0 {
-        Some(Clutter { area: CLUTTER_SIDE * CLUTTER_SIDE, rate: known(task.clutter)?, learnt: false })
-    } else {
-        None
-    };
-    let settings = WindowSettings {
-        window: WINDOW,
-        sweeps: SWEEPS,
-        m_step: MStep { prior: PRIOR_POINTS, floor: FLOOR, weights: false },
-        rate: known(task.rate)?,
-        clutter,
-        ..WindowSettings::default()
-    };
-    WindowVb::new(motion()?, FirstTwo, prior()?, first.clone(), settings)
-}
-
-fn window_vb(task: &Task<'_>) -> Result<Vec<Estimate>> {
-    filtered(task, &window(task, &task.start)?, |belief| {
-        let [x, y, ..] = *belief.state().mean();
-        Estimate { centre: [x, y], body: Body::Ellipses(belief.shape().clone()) }
-    })
-}
-
-/// The window filter over the first scans from a shape: centres, the shape it comes to, and the bound on the log-density
-/// of the points.
-pub(super) fn window_over(
-    task: &Task<'_>,
-    first: &Shape,
-    scans: usize,
-) -> Result<(Vec<[f64; 2]>, Shape, f64)> {
-    let filter = window(task, first)?;
-    let mut belief = filter.start(Time::ZERO, task.stream)?;
-    let (mut centres, mut evidence) = (Vec::with_capacity(scans), 0.0);
-    for (time, scan) in task.record.times.iter().zip(&task.record.scans).take(scans) {
-        evidence += filter.step(&mut belief, *time, Some(scan))?.log_evidence;
-        let [x, y, ..] = *belief.state().mean();
-        centres.push([x, y]);
-    }
-    Ok((centres, belief.shape().clone(), evidence))
 }
 
 fn oracle(task: &Task<'_>) -> Result<Vec<Estimate>> {
@@ -191,7 +256,7 @@ fn oracle(task: &Task<'_>) -> Result<Vec<Estimate>> {
             }
         }
         let shape = m_step.shape(&sums, &task.start, &Matrix::ZERO)?;
-        estimates.push(Estimate { centre: [x, y], body: Body::Ellipses(shape) });
+        estimates.push(Estimate::ellipses([x, y], shape));
     }
     Ok(estimates)
 }
@@ -204,7 +269,7 @@ mod tests {
     fn outlines_have_their_middle_in_the_centre_of_area() {
         // A square with a triangle of the same width and a height of three on top: (4 * 1 + 3 * 3) / 7.
         let house = vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 5.0], [0.0, 2.0]];
-        let estimate = Estimate { centre: [10.0, 0.0], body: Body::Outline(house) };
+        let estimate = Estimate { centre: [10.0, 0.0], body: Body::Outline(house), clutter: None };
         let [x, y] = estimate.centroid();
         assert!((x - 11.0).abs() < 1e-12 && (y - 13.0 / 7.0).abs() < 1e-12, "{x} {y}");
         assert_eq!(middle(&[[1.0, 0.0], [3.0, 0.0]]), [2.0, 0.0]);
