@@ -283,6 +283,9 @@ pub struct Reproduce {
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,
+    /// Folder of recordings, for tables that need them (extended-target: recorded) [default: $ZERRE_DATA]
+    #[arg(long, value_name = "DIR", requires = "paper")]
+    pub data: Option<PathBuf>,
     /// Every scenario, noise and method, but the smallest and the main number of particles only, and fewer runs
     #[arg(long, requires = "paper")]
     pub quick: bool,

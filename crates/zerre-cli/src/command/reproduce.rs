@@ -10,8 +10,12 @@ use crate::run::{Destination, text_digest};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use zerre::Time;
+use zerre::track::Reading;
+use zerre_io::{Options, Recording, Scene};
 use zerre_lab::paper::bayes_family::{self, BayesFamily};
+use zerre_lab::paper::extended_target::recorded::{LabelledBox, Object, Recordings};
 use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
@@ -180,8 +184,51 @@ fn extended_target(args: &Reproduce, options: &Global, console: &Console) -> Res
     }
     let config = json!({ "tables": request.tables, "particles": request.particles });
     let what = (request.runs, config);
-    let experiment = ExtendedTarget::new(request, options.seed);
+    let recordings = recordings(args.data.as_deref())?;
+    let experiment = ExtendedTarget::new(request, recordings, options.seed);
     reproduce(paper, &experiment, extended_target::SETTINGS, what, (args, options), console)
+}
+
+/// Recordings of extended targets: those that lie in the folder that is named, or in that of the environment.
+fn recordings(folder: Option<&Path>) -> Result<Recordings, Diagnostic> {
+    let from_environment = std::env::var_os("ZERRE_DATA").map(PathBuf::from);
+    let Some(folder) = folder.map(Path::to_owned).or(from_environment) else {
+        return Ok(Recordings::default());
+    };
+    if !folder.is_dir() {
+        let what = format!("{}: there is no such folder of recordings", folder.display());
+        return Err(Diagnostic::new(what).help("name another with --data, or leave it out"));
+    }
+    let mut found = Recordings::default();
+    let points = folder.join("metu_lidar_vehicle/points.csv");
+    if points.is_file() {
+        let columns = [("t_s".to_owned(), "time_s".to_owned())].into_iter().collect();
+        let recording = Recording::open(&points, &Options { columns, ..Options::default() })?;
+        let mut scans: Vec<(Time, Vec<[f64; 2]>)> = Vec::new();
+        for plot in recording.plots {
+            let Reading::Position2([x, y]) = plot.reading else { continue };
+            match scans.last_mut().filter(|(time, _)| *time == plot.time) {
+                Some((_, points)) => points.push([x, y]),
+                None => scans.push((plot.time, vec![[x, y]])),
+            }
+        }
+        found.vehicle = Some(scans);
+    }
+    for name in ["scene-0239", "scene-0400"] {
+        let scene = folder.join("nuscenes_radar_labeled").join(name);
+        if scene.is_dir() {
+            let scene = Scene::read(&scene)?;
+            let objects = scene.clusters.into_iter().filter_map(|cluster| {
+                let of_frame = scene.boxes.iter().filter(|label| label.frame == cluster.frame);
+                let boxes: Vec<LabelledBox> = of_frame
+                    .map(|label| LabelledBox { centre: label.centre, size: label.size, yaw: label.yaw })
+                    .collect();
+                Object::matched(name, cluster.points, &boxes)
+            });
+            found.objects.get_or_insert_default().extend(objects);
+        }
+    }
+    Ok(found)
 }
 
 /// The command line that gives this run again.
@@ -198,6 +245,9 @@ fn command_line(paper: &Paper, args: &Reproduce, options: &Global) -> String {
     if !args.particles.is_empty() {
         let counts: Vec<_> = args.particles.iter().map(ToString::to_string).collect();
         word(format!("--particles {}", counts.join(",")));
+    }
+    if let Some(data) = &args.data {
+        word(format!("--data {}", data.display()));
     }
     if args.quick {
         word("--quick".to_owned());

@@ -21,6 +21,7 @@ use super::Paper;
 use crate::metric::{Region, mixture_wasserstein, shape_errors};
 use crate::study::experiment::{Experiment, Finished, Mishap, SettingsFile};
 use methods::{Body, Estimate, METHODS, Method, Task};
+use recorded::Recordings;
 use scenario::{ClutterModel, Record, Start, first_shape, near, record, truth};
 use serde::{Deserialize, Serialize};
 use settings::{
@@ -30,12 +31,15 @@ use settings::{
 use std::collections::{BTreeMap, BTreeSet};
 use zerre::rng::Stream;
 
+/// The table of recordings, which has no cells: it is computed at the end.
+const RECORDED: &str = "recorded";
+
 /// What lists say.
 pub const PAPER: Paper = Paper {
     name: "extended-target",
     about: "a target of three ellipses whose shape is learnt while it is tracked: shape, overlap, path, clutter",
     source: "E. Özkan, Çukurova University Journal of the Faculty of Engineering and Architecture 34(1), 145-154, 2019",
-    tables: &["scene", "clutter", "rate"],
+    tables: &["scene", "clutter", "rate", RECORDED],
 };
 
 /// The file of settings.
@@ -106,6 +110,7 @@ impl Cell {
                     info.clutter.iter().map(|model| Cell { clutter: *clutter, model: *model, ..plain })
                 })
                 .collect(),
+            RECORDED => Vec::new(),
             _ => OTHER_RATE_SCANS.map(|scans| Cell { rate: OTHER_RATE, scans, ..plain }).to_vec(),
         };
         cells.retain(|cell| cell.scans <= info.longest);
@@ -195,6 +200,7 @@ pub struct ExtendedTarget {
     request: Request,
     seed: u64,
     cells: BTreeSet<Cell>,
+    recordings: Recordings,
 }
 
 /// About how many microseconds it takes to score a run, ...
@@ -208,11 +214,11 @@ const OF_METHODS: u64 = 1;
 const OF_STARTS: u64 = 2;
 
 impl ExtendedTarget {
-    /// What `request` asks for.
-    pub fn new(request: Request, seed: u64) -> ExtendedTarget {
+    /// What `request` asks for, of `recordings` as far as they are at hand.
+    pub fn new(request: Request, recordings: Recordings, seed: u64) -> ExtendedTarget {
         let of = |table: &&'static str| (0..METHODS.len()).flat_map(|method| Cell::of_table(table, method));
         let cells = request.tables.iter().flat_map(of).collect();
-        ExtendedTarget { request, seed, cells }
+        ExtendedTarget { request, seed, cells, recordings }
     }
 
     /// A recording: the same for all methods and starts.
@@ -289,13 +295,23 @@ impl Experiment for ExtendedTarget {
     ) -> Result<Finished<Row>, Box<dyn std::error::Error>> {
         let interrupted = outcomes.len() < self.cells.len();
         let results = Results::new(&self.request, &self.cells, outcomes, self.seed)?;
-        let rows = results.rows();
+        let (mut rows, mut tables) = (results.rows(), results.tables());
+        let is_asked = self.request.tables.contains(RECORDED);
+        let recorded = if is_asked { recorded::judge(&self.recordings, self.seed)? } else { Vec::new() };
+        rows.extend(recorded.iter().map(Row::from));
         let first = |cell: &Cell| self.record(cell, 0);
         let films = results.films(&first)?;
         Ok(Finished {
             estimates: rows.iter().flat_map(|row| [row.value, row.low, row.high]).collect(),
-            tables: results.tables(),
-            page: results.page(self.seed, interrupted, &first, &films)?,
+            page: {
+                let mut page = results.page(self.seed, interrupted, &first, &films)?;
+                if is_asked {
+                    tables.push(recorded::table(&recorded));
+                    page.sections.push(recorded::section(&recorded));
+                }
+                page
+            },
+            tables,
             files: films.into_iter().map(|film| (film.file, film.bytes)).collect(),
             mishaps: vec![Mishap {
                 what: "method gave up",
@@ -314,7 +330,7 @@ mod tests {
     /// Methods are in every scene that they tell apart, and in none that would take too long.
     #[test]
     fn every_method_has_its_scenes() {
-        let all = ExtendedTarget::new(Request::new(false), 1);
+        let all = ExtendedTarget::new(Request::new(false), Recordings::default(), 1);
         for (method, info) in METHODS.iter().enumerate() {
             let of = |scans: usize, clutter: usize| {
                 let wanted = |cell: &&Cell| {
@@ -373,7 +389,8 @@ mod tests {
         let cell = Cell::of_table("scene", METHODS.iter().position(|m| m.name == "oracle").unwrap())[0];
         assert_eq!((cell.scans, cell.start), (10, Start::Truth));
         let request = Request { runs: 200, ..Request::new(true) };
-        let outcome = ExtendedTarget::new(request, 1).work(&cell, &|| false).unwrap().unwrap();
+        let outcome =
+            ExtendedTarget::new(request, Recordings::default(), 1).work(&cell, &|| false).unwrap().unwrap();
         let errors: Vec<f64> = outcome.runs.iter().filter_map(|run| run.shape_error).collect();
         let all: Vec<usize> = (0..errors.len()).collect();
         let median = crate::study::interval::median(&errors, &all);

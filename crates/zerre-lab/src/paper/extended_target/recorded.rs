@@ -10,6 +10,7 @@ use super::settings::recorded::{
     PLACE_SD, POINTS_OF_PRIOR, POINTS_OF_SIZE, SENSOR_SD, SPEED_SD, VARIANCE,
 };
 use crate::metric::Region;
+use crate::report::study::{Grid, Section, Shown};
 use crate::study::interval::{Bootstraps, Estimate, mean};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
@@ -443,6 +444,63 @@ pub fn table(rows: &[Row]) -> Table {
     let about =
         "Recorded targets: nats per held-out point, overlap with labelled boxes, and paired differences";
     Table::new("table-recorded", about, &head, rows.iter().map(line).collect())
+}
+
+/// Each once, in the order in which they come.
+fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    let mut all = Vec::new();
+    for name in names {
+        if !all.contains(&name) {
+            all.push(name);
+        }
+    }
+    all
+}
+
+/// What the page says of them.
+pub(super) fn section(rows: &[Row]) -> Section {
+    let mut section = Section { title: "Recorded targets".to_owned(), ..Section::default() };
+    if rows.is_empty() {
+        let what = "Not available: no recording was at hand. Name the folder that holds them with --data.";
+        section.paragraphs.push(what.to_owned());
+        return section;
+    }
+    section.paragraphs = [
+        "A vehicle seen by a lidar: of each scan half of the points, drawn at random, are kept from the filter, and \
+         judged is the log-density that it then gives them, per point, in all scans after those that first shapes are \
+         made from. Objects of an automotive radar, each in a single scan: how much of its labelled box the outline at \
+         two standard deviations covers, as intersection over union. The radar sees the near side of an object only, and \
+         nobody is told which: no method covers much.",
+        "Intervals are 95 % bootstrap intervals over scans or objects; those of scans, which follow one another, are \
+         narrower than they should be. Differences are of pairs: the same points.",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    for name in distinct(rows.iter().map(|row| row.recording.as_str())) {
+        let of: Vec<&Row> = rows.iter().filter(|row| row.recording == name).collect();
+        let head = distinct(of.iter().map(|row| row.metric.as_str()));
+        let methods = distinct(of.iter().map(|row| row.method));
+        let shown = |method: &str, metric: &str| {
+            let found = of.iter().find(|row| row.method == method && row.metric == metric);
+            found.map_or_else(Shown::default, |row| Shown {
+                text: format!("{:.3}", row.value),
+                aside: format!("({:.3} to {:.3})", row.low, row.high),
+                ..Shown::default()
+            })
+        };
+        let line = |method: &&str| {
+            let first = Shown::from(*method);
+            std::iter::once(first).chain(head.iter().map(|metric| shown(method, metric))).collect()
+        };
+        let count = of.first().map_or(0, |row| row.count);
+        let unit = if of.iter().any(|row| row.metric == "iou") { "objects" } else { "scans" };
+        section.tables.push(Grid {
+            caption: format!("{name}, {count} {unit}"),
+            head: std::iter::once("method").chain(head.iter().copied()).map(str::to_owned).collect(),
+            rows: methods.iter().map(line).collect(),
+        });
+    }
+    section
 }
 
 #[cfg(test)]

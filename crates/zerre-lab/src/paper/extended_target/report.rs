@@ -7,7 +7,7 @@ use super::settings::{
     CLUTTER_SCANS, FAILED_CENTROID, FAILED_IOU, OTHER_RATE, OTHER_RATE_SCANS, OUTLINE, RATE, SCANS,
 };
 use super::tables::Results;
-use super::{Cell, PAPER, printed};
+use super::{Cell, PAPER, RECORDED, printed};
 use crate::report::study::{Grid, Section, Shown, StudyReport};
 use crate::study::interval;
 use std::error::Error;
@@ -36,7 +36,7 @@ impl Results<'_> {
             ("Data", "simulated here".to_owned()),
         ];
         let mut sections = vec![self.chances()?, introduction(interrupted)];
-        let asked = PAPER.tables.iter().filter(|table| self.request.tables.contains(**table));
+        let asked = PAPER.tables.iter().filter(|t| self.request.tables.contains(**t) && **t != RECORDED);
         sections.extend(asked.map(|table| self.scores(table)));
         sections.extend(self.pictures(first, films)?);
         Ok(StudyReport {

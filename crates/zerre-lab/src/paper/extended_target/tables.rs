@@ -2,11 +2,12 @@
 
 use super::printed;
 use super::scenario::truth;
-use super::{Cell, Outcome, PAPER, Request, Run};
+use super::{Cell, Outcome, PAPER, RECORDED, Request, Run, recorded};
 use crate::metric::wilson_interval;
 use crate::study::interval::{Bootstraps, Estimate, median};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// One number of one cell.
@@ -26,7 +27,7 @@ pub struct Row {
     pub rate: usize,
     /// `shape_error`, `gw`, `iou`, `fail`, `centroid_rmse`, `mixture_wasserstein`, `hausdorff`, `clutter_error` where
     /// its rate is learnt, or `as_good`, the share of runs with a shape error not above that of the printed estimate.
-    pub metric: &'static str,
+    pub metric: Cow<'static, str>,
     /// `median` over runs, or `mean` of shares.
     pub statistic: &'static str,
     /// The number.
@@ -39,6 +40,31 @@ pub struct Row {
     pub paper_value: Option<f64>,
     /// Runs.
     pub runs: usize,
+    /// Of a recording: which, runs being its scans or objects.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<String>,
+}
+
+impl From<&recorded::Row> for Row {
+    fn from(row: &recorded::Row) -> Row {
+        let recorded::Row { recording, method, metric, value, low, high, count } = row;
+        Row {
+            method,
+            scans: *count,
+            start: "data",
+            clutter: 0,
+            clutter_model: "none",
+            rate: 0,
+            metric: metric.clone().into(),
+            statistic: "mean",
+            value: *value,
+            low: *low,
+            high: *high,
+            paper_value: None,
+            runs: *count,
+            recording: Some(recording.clone()),
+        }
+    }
 }
 
 /// Metrics of rows with their statistics.
@@ -151,13 +177,14 @@ impl<'a> Results<'a> {
                 clutter: cell.clutter,
                 clutter_model: cell.model.name(),
                 rate: cell.rate,
-                metric,
+                metric: metric.into(),
                 statistic,
                 value,
                 low,
                 high,
                 paper_value: printed.filter(|_| cell.is_printed()),
                 runs: self.runs(cell).len(),
+                recording: None,
             })
         };
         self.cells
@@ -174,7 +201,7 @@ impl<'a> Results<'a> {
 
     /// All tables.
     pub fn tables(&self) -> Vec<Table> {
-        let asked = PAPER.tables.iter().filter(|table| self.request.tables.contains(**table));
+        let asked = PAPER.tables.iter().filter(|t| self.request.tables.contains(**t) && **t != RECORDED);
         std::iter::once(self.all_rows()).chain(asked.map(|table| self.table(table))).collect()
     }
 
@@ -202,7 +229,7 @@ impl<'a> Results<'a> {
                 row.clutter.into(),
                 row.clutter_model.into(),
                 row.rate.into(),
-                row.metric.into(),
+                row.metric.as_ref().into(),
                 row.statistic.into(),
                 row.value.into(),
                 row.low.into(),
