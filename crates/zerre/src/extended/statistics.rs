@@ -139,9 +139,10 @@ pub fn eigen(a: &Matrix<2, 2>) -> ([f64; 2], [f64; 2]) {
     ([mean + root, mean - root], [v[0] / length, v[1] / length])
 }
 
-/// The symmetric matrix with eigenvalues not below `floor`.
+/// The symmetric matrix with eigenvalues not below `floor`, nor below a 1e12th of the other: what is thinner has no root.
 pub fn floored(a: &Matrix<2, 2>, floor: f64) -> Matrix<2, 2> {
     let ([large, small], [c, s]) = eigen(a);
+    let floor = floor.max(1e-12 * large);
     if small >= floor {
         return a.symmetrised();
     }

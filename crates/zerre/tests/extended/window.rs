@@ -240,7 +240,8 @@ fn clutter_is_told_apart() {
 fn any_scan_is_taken_or_refused_in_words() {
     let filter = usual(near());
     let fresh = || filter.start(Time::ZERO, Stream::new(1)).unwrap();
-    let scans: [Vec<[f64; 2]>; 5] = [
+    let scans: [Vec<[f64; 2]>; 6] = [
+        vec![[1e70, -1e70], [0.0, 0.0]],
         vec![],
         vec![[10.0, 1.0]],
         vec![[10.0, 1.0]; 50],
@@ -259,11 +260,11 @@ fn any_scan_is_taken_or_refused_in_words() {
         }
         assert!(belief.state().mean().iter().all(|x| x.is_finite()));
     }
-    for bad in [f64::NAN, f64::INFINITY] {
+    for bad in [f64::NAN, f64::INFINITY, 1e200] {
         let mut belief = fresh();
         let before = belief.clone();
         let refused = filter.step(&mut belief, secs(1), Some(&vec![[0.0, bad]]));
-        assert!(matches!(refused, Err(Error::NotFinite { .. })));
+        assert!(matches!(refused, Err(Error::NotFinite { .. } | Error::OutOfRange { .. })));
         assert_eq!(belief, before);
     }
     let mut belief = fresh();

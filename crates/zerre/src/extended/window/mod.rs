@@ -9,7 +9,7 @@ pub use belief::ExtendedBelief;
 pub use information::Extent;
 pub use number::Number;
 
-use super::centre::{Centre, check};
+use super::centre::{self, Centre};
 use super::path::Moments;
 use super::rate::Rate;
 use super::shape::{Lobe, MAX_ELLIPSES, Shape, log_sum_exp};
@@ -302,6 +302,18 @@ where
         let log_evidence = self.take(belief, to, ahead, points)?;
         Ok(Update { outcome: Outcome::Updated, log_evidence, particles: None })
     }
+}
+
+/// Further off than this nothing can be measured: the determinant of a covariance would be no number.
+const FARTHEST: f64 = 1e75;
+
+/// Refuses points that are not finite, or too far off to be squared twice.
+fn check(points: &[[f64; 2]]) -> Result<()> {
+    centre::check(points)?;
+    points.iter().flatten().filter(|y| y.abs() > FARTHEST).try_for_each(|y| {
+        let needs = "it must lie within 1e75 of zero";
+        Err(Error::OutOfRange { what: "point of a scan", value: *y, needs })
+    })
 }
 
 /// Where a target is and how its shape lies there.
