@@ -7,7 +7,8 @@ use std::process::{Command, Output};
 
 fn command(folder: &Path, line: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_zerre"));
-    command.args(line.split_whitespace()).current_dir(folder);
+    // Recordings are named where they are meant.
+    command.args(line.split_whitespace()).current_dir(folder).env_remove("ZERRE_DATA");
     command
 }
 
@@ -314,6 +315,47 @@ fn the_extended_target_is_run_in_all_scenes() {
     };
     let (a, b) = (values(&first), values(&other));
     assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a != b));
+}
+
+/// The vehicle and the radar's objects, where they are at hand: methods in pairs on the same points. Two thin sides of a
+/// car are worth more than a nat a point over any one ellipse; the boxes fall as they do.
+#[test]
+fn recordings_of_extended_targets_are_judged() {
+    let here = folder("recorded");
+    let none = json(&here, "reproduce extended-target --table recorded --out none");
+    assert!(none["rows"].as_array().unwrap().is_empty());
+    let page = fs::read_to_string(here.join("none/report.html")).unwrap();
+    assert!(page.contains("Not available"));
+    let refused = zerre(&here, "reproduce extended-target --data nowhere");
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && words.contains("nowhere"), "{words}");
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let data = std::env::var_os("ZERRE_DATA").map_or_else(beside, PathBuf::from);
+    if !data.join("metu_lidar_vehicle/points.csv").exists() {
+        assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "no recordings in {}", data.display());
+        eprintln!("SKIPPED: no recordings in {}", data.display());
+        return;
+    }
+    let line = format!("reproduce extended-target --table recorded --data {} --out all", data.display());
+    let all = json(&here, &line);
+    let row = |recording: &str, method: &str, metric: &str| -> &Value {
+        let wanted = |row: &&Value| {
+            row["recording"] == recording && row["method"] == method && row["metric"] == metric
+        };
+        all["rows"].as_array().unwrap().iter().find(wanted).unwrap()
+    };
+    for other in ["random-matrix-koch", "random-matrix-feldmann"] {
+        let gain = row("vehicle", "window-vb", &format!("held_out less {other}"));
+        assert!(gain["low"].as_f64().unwrap() > 1.0 && gain["runs"] == 39, "{gain}");
+        let turning = row("vehicle", "window-vb", "held_out")["value"].as_f64().unwrap();
+        let fixed = row("vehicle", "window-vb-fixed-axes", "held_out")["value"].as_f64().unwrap();
+        assert!(turning > fixed, "{turning} {fixed}");
+        for (scene, objects) in [("scene-0239", 23), ("scene-0400", 94)] {
+            let pair = row(scene, "window-vb", &format!("iou less {other}"));
+            assert!(pair["runs"] == objects && pair["low"].as_f64() < pair["high"].as_f64(), "{pair}");
+        }
+    }
+    assert!(here.join("all/table-recorded.csv").exists());
 }
 
 /// A run that is stopped keeps what it has; going on gives what an undisturbed run gives.

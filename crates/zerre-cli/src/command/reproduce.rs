@@ -189,6 +189,10 @@ fn extended_target(args: &Reproduce, options: &Global, console: &Console) -> Res
     reproduce(paper, &experiment, extended_target::SETTINGS, what, (args, options), console)
 }
 
+fn unreadable(error: zerre_io::Error) -> Diagnostic {
+    Diagnostic::new(error.to_string())
+}
+
 /// Recordings of extended targets: those that lie in the folder that is named, or in that of the environment.
 fn recordings(folder: Option<&Path>) -> Result<Recordings, Diagnostic> {
     let from_environment = std::env::var_os("ZERRE_DATA").map(PathBuf::from);
@@ -203,7 +207,8 @@ fn recordings(folder: Option<&Path>) -> Result<Recordings, Diagnostic> {
     let points = folder.join("metu_lidar_vehicle/points.csv");
     if points.is_file() {
         let columns = [("t_s".to_owned(), "time_s".to_owned())].into_iter().collect();
-        let recording = Recording::open(&points, &Options { columns, ..Options::default() })?;
+        let recording =
+            Recording::open(&points, &Options { columns, ..Options::default() }).map_err(unreadable)?;
         let mut scans: Vec<(Time, Vec<[f64; 2]>)> = Vec::new();
         for plot in recording.plots {
             let Reading::Position2([x, y]) = plot.reading else { continue };
@@ -217,7 +222,7 @@ fn recordings(folder: Option<&Path>) -> Result<Recordings, Diagnostic> {
     for name in ["scene-0239", "scene-0400"] {
         let scene = folder.join("nuscenes_radar_labeled").join(name);
         if scene.is_dir() {
-            let scene = Scene::read(&scene)?;
+            let scene = Scene::read(&scene).map_err(unreadable)?;
             let objects = scene.clusters.into_iter().filter_map(|cluster| {
                 let of_frame = scene.boxes.iter().filter(|label| label.frame == cluster.frame);
                 let boxes: Vec<LabelledBox> = of_frame

@@ -181,14 +181,14 @@ fn joined(region: &Region) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ExtendedTarget, Request};
+    use super::super::{ExtendedTarget, Recordings, Request};
     use super::*;
     use crate::study::experiment::Experiment;
 
     /// Every method that has the start is pictured once on the path, and every film has its cell.
     #[test]
     fn pictures_have_their_cells() {
-        let cells = ExtendedTarget::new(Request::new(true), 1).cells();
+        let cells = ExtendedTarget::new(Request::new(true), Recordings::default(), 1).cells();
         let count = |name: &str, scans: usize| {
             let of = |cell: &&Cell| cell.info().name == name && cell.scans == scans && is_pictured(cell);
             cells.iter().filter(of).count()
