@@ -135,6 +135,7 @@ pub const COLUMNS: &[Column] = {
     }
     &[
         column("time_s", Seconds, same, "decimal seconds since any epoch, read exactly to a nanosecond"),
+        column("t_s", Seconds, same, "another name of time_s"),
         column(
             "time",
             Calendar,

@@ -168,6 +168,28 @@ pub const FILTERS: &[Entry] = &[
     ),
 ];
 
+/// The filters of [`extended`](crate::extended), as [`track`](crate::track) makes them by name.
+pub const EXTENDED_FILTERS: &[Entry] = &[
+    classed(
+        Class::Approximate,
+        "window-vb",
+        "a union of ellipses by variational expectation maximisation over a window of scans",
+        "after Özkan 2019",
+    ),
+    classed(
+        Class::Approximate,
+        "random-matrix-koch",
+        "one ellipse as a random matrix, the sensor's noise being part of it",
+        "Koch 2008",
+    ),
+    classed(
+        Class::Approximate,
+        "random-matrix-feldmann",
+        "one ellipse as a random matrix, apart from the sensor's noise",
+        "Feldmann, Fränken and Koch 2011",
+    ),
+];
+
 /// What a [`ParticleFilter`](crate::filter::ParticleFilter) proposes by: the kinds of [`proposal`](crate::proposal).
 pub const PROPOSALS: &[Entry] = &[
     entry("bootstrap", "by the motion alone", "Gordon, Salmond and Smith 1993"),
@@ -203,7 +225,7 @@ mod tests {
 
     #[test]
     fn names_are_kebab_case_and_unique() {
-        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, PROPOSALS, RESAMPLERS] {
+        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, EXTENDED_FILTERS, PROPOSALS, RESAMPLERS] {
             for (i, entry) in list.iter().enumerate() {
                 assert!(entry.name.split('-').all(|word| !word.is_empty()), "{entry:?}");
                 assert!(entry.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{entry:?}");

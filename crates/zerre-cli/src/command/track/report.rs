@@ -10,9 +10,10 @@ use crate::run::Record;
 use std::collections::BTreeMap;
 use zerre::Time;
 use zerre::track::{Event, Row, has_particles};
+use zerre_lab::metric::Region;
 use zerre_lab::report::{
-    Counts, InnovationRow, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo, TrackSeries,
-    TruthSeries, plan_svg, render,
+    Counts, InnovationRow, Outline, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo,
+    TrackSeries, TruthSeries, plan_svg, render,
 };
 
 /// The page, and its plan as a picture.
@@ -90,7 +91,8 @@ pub(super) fn pages(
                 for (index, row) in rows().filter(|(_, row)| row.event != Event::OutOfOrder) {
                     sum += evidence(row).unwrap_or(0.0);
                     push(&mut series, row, sum);
-                    series.plots.extend(run.places[index]);
+                    series.plots.extend(run.places.get(index).copied().flatten());
+                    series.outlines.extend(outline(run, input, index, row));
                     if let Some(innovation) = row.innovation.as_ref().filter(|_| outcome.judged[index]) {
                         series.innovations.push(InnovationRow {
                             time_s: row.time.secs(),
@@ -105,6 +107,8 @@ pub(super) fn pages(
             })
             .collect(),
         sensors: sensors(settings, input, outcome),
+        scenes: Vec::new(),
+        labels: Vec::new(),
         counts: Counts {
             read: record.counts.read,
             used: record.counts.used,
@@ -135,6 +139,15 @@ fn tiles(scores: &Scores) -> Vec<Score> {
         tiles.push(tile("singular covariances".to_owned(), found.instants.singular as f64, unit));
     }
     tiles
+}
+
+/// The outline of a target after a plot, where it has one.
+fn outline(run: &Run, input: &Input, index: usize, row: &Row) -> Option<Outline> {
+    /// Standard deviations at which ellipses are drawn.
+    const SDS: f64 = 2.0;
+    let body = run.bodies.get(index)?.as_ref()?;
+    let region = Region::of_shape(&body.shape, [row.mean[0], row.mean[1]], SDS);
+    Some(Outline { region, points: input.points.get(index).cloned().unwrap_or_default() })
 }
 
 fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {

@@ -1,5 +1,7 @@
 //! From a configuration and a recording to a tracker, with the reason for every value.
 
+use super::extended::Extended;
+use super::input::Input;
 use super::work::Reference;
 use crate::args::Track;
 use crate::config::{
@@ -8,7 +10,7 @@ use crate::config::{
 };
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use zerre::Span;
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
@@ -26,6 +28,8 @@ pub(super) struct Settings {
     /// How to read.
     pub options: Options,
     spec: TrackerSpec,
+    /// Of targets that give many points a scan; the specification has the motion then, and no filter.
+    pub extended: Option<Extended>,
     /// Why a Kalman filter took the place of the particles.
     preferred: Option<String>,
 }
@@ -36,7 +40,7 @@ pub(super) fn refused(place: &str, error: &zerre::Error) -> Diagnostic {
         .help("`zerre track --explain` shows the settings, `zerre catalog` the choices")
 }
 
-const AUTO: &str = "auto";
+pub(super) const AUTO: &str = "auto";
 
 impl Settings {
     pub fn new(
@@ -46,8 +50,12 @@ impl Settings {
     ) -> Result<Settings, Diagnostic> {
         let mut effective = Effective::new(source);
         if let Some(name) = &args.filter {
-            config.filter.name = Some(name.clone());
-            effective.from_flag(&["filter", "name"], "--filter");
+            let (place, path) = match &mut config.extended {
+                Some(extended) => (&mut extended.filter, ["extended", "filter"]),
+                None => (&mut config.filter.name, ["filter", "name"]),
+            };
+            *place = Some(name.clone());
+            effective.from_flag(&path, "--filter");
         }
         if let Some(name) = &args.motion {
             config.motion.model = Some(name.clone());
@@ -57,11 +65,29 @@ impl Settings {
             config.input.format = Some(format);
             effective.from_flag(&["input", "format"], "--format");
         }
-        let filter = filter(&config, &mut effective)?;
-        let motion = motion(&config, &mut effective)?;
-        check_modes(&config, &filter.name, &effective)?;
-        let start = start(&config, &mut effective);
-        let life = life(&config, &mut effective);
+        let extended = Extended::settle(&config, &mut effective)?;
+        let mut spec = match &extended {
+            Some(extended) => {
+                check_modes(&config, extended.spec.filter.name(), &effective)?;
+                let motion = motion(&config, &mut effective)?;
+                if motion.model != EXTENDED_MOTION {
+                    let text = format!("motion.model: extended targets move by `{EXTENDED_MOTION}`");
+                    let help =
+                        "leave it out: what a target does beyond that, its acceleration noise allows for";
+                    return Err(effective.at_value(&["motion", "model"], Diagnostic::new(text).help(help)));
+                }
+                TrackerSpec { motion, ..TrackerSpec::new("kalman", EXTENDED_MOTION) }
+            }
+            None => {
+                let filter = filter(&config, &mut effective)?;
+                let motion = motion(&config, &mut effective)?;
+                check_modes(&config, &filter.name, &effective)?;
+                let start = start(&config, &mut effective);
+                let life = life(&config, &mut effective);
+                TrackerSpec { filter, motion, start, life, ..TrackerSpec::new("kalman", "") }
+            }
+        };
+        spec.seed = 0;
         let input = config.input.settle(&mut effective);
         let format = serde_json::to_value(input.format)
             .and_then(serde_json::from_value::<Format>)
@@ -74,9 +100,7 @@ impl Settings {
             origin: origin.map_err(|error| Diagnostic::new(error.to_string()))?,
             max_rejected: input.max_rejected,
         };
-        let spec =
-            TrackerSpec { dimensions: 2, filter, motion, sensors: BTreeMap::new(), start, life, seed: 0 };
-        Ok(Settings { config, effective, options, spec, preferred: None })
+        Ok(Settings { config, effective, options, spec, extended, preferred: None })
     }
 
     /// The tracker's specification.
@@ -131,6 +155,15 @@ impl Settings {
         }
         self.spec = learnt.spec;
         console.debug(format_args!("learnt {:?} of {unknown:?}", learnt.values));
+        Ok(())
+    }
+
+    /// Settles what extended targets leave to the recording.
+    pub fn settle_extended(&mut self, input: &Input) -> Result<(), Diagnostic> {
+        if let Some(extended) = &mut self.extended {
+            extended.learn(input, &mut self.effective)?;
+            self.spec.motion.set_wander(extended.spec.acceleration_sd_mps2);
+        }
         Ok(())
     }
 
@@ -220,6 +253,9 @@ impl Settings {
 
     /// The filter in a few words.
     pub fn filter_text(&self) -> String {
+        if let Some(extended) = &self.extended {
+            return extended.filter_text();
+        }
         let filter = &self.spec.filter;
         match &self.preferred {
             Some(why) => format!("{}: {why}", filter.name),
@@ -315,6 +351,9 @@ fn heavy_tails() -> Option<Robust> {
         Tails::Outliers { share, scale } => Some(Robust::Outliers { share, scale }),
     }
 }
+
+/// How extended targets move.
+const EXTENDED_MOTION: &str = "constant-velocity";
 
 /// "1 target", "3 targets".
 pub(super) fn counted(count: usize, what: &str) -> String {

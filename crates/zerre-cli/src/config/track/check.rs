@@ -1,6 +1,6 @@
 //! Ranges: which values have a meaning.
 
-use super::{Geodetic, ModesConfig, Robust, SensorConfig, TrackConfig};
+use super::{ExtendedConfig, Geodetic, ModesConfig, Robust, SensorConfig, TrackConfig};
 use crate::config::Problem;
 use zerre::belief::MAX_PARTICLES;
 
@@ -59,7 +59,8 @@ impl TrackConfig {
             let what = "0 is out of range; at least 1 is needed (a large number: never)";
             return Err(problem(&["track", "restart_after_gated"], what));
         }
-        self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))
+        self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))?;
+        self.extended.as_ref().map_or(Ok(()), ExtendedConfig::check)
     }
 }
 
@@ -141,7 +142,7 @@ fn within(path: &[&str], value: Option<f64>, most: f64) -> Result<(), Problem> {
 }
 
 /// A standard deviation that may not be zero.
-fn deviation(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+pub(super) fn deviation(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     let needs = format!("a number above zero, from {LEAST_SD:e} to {MOST_SD:e}, is needed");
     range(path, value, |v| (LEAST_SD..=MOST_SD).contains(&v), &needs)
 }
@@ -152,7 +153,7 @@ fn noise(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| (0.0..=MOST_SD).contains(&v), &needs)
 }
 
-fn positive(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+pub(super) fn positive(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| v > 0.0, "a number above zero is needed")
 }
 
@@ -160,8 +161,18 @@ fn not_negative(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| v >= 0.0, "zero or a number above it is needed")
 }
 
-fn probability(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+pub(super) fn probability(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| (0.0..=1.0).contains(&v), "a number from 0 to 1 is needed")
+}
+
+/// A whole number from 1 on.
+pub(super) fn between(path: &[&str], value: Option<u32>, most: u32, what: &str) -> Result<(), Problem> {
+    match value {
+        Some(value) if !(1..=most).contains(&value) => {
+            Err(problem(path, &format!("{value} is out of range; from 1 to {most} {what} can be had")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn either(path: &[&str], other: &str, both: bool) -> Result<(), Problem> {

@@ -2,6 +2,7 @@
 //! and why.
 
 mod check;
+mod extended;
 mod settings;
 
 use super::source::Source;
@@ -17,6 +18,7 @@ use std::marker::PhantomData;
 use zerre::belief::MAX_PARTICLES;
 
 use check::{LEAST_SD, LEAST_STAY, MOST_SD};
+pub use extended::{Count, ExtendedConfig, ExtendedSettings, Turning};
 pub use settings::{InputSettings, LifeSettings, ParticleSettings, StartSettings};
 
 /// What `zerre track` can be told. Units are part of the key; a noise that is absent is learnt from the recording.
@@ -41,6 +43,8 @@ pub struct TrackConfig {
     /// When a track ends, and what is reported of it.
     #[serde(rename = "track")]
     pub life: LifeConfig,
+    /// Targets that give many points a scan.
+    pub extended: Option<ExtendedConfig>,
 }
 
 /// The filter and its settings; one that the filter does not use is an error.
@@ -521,6 +525,14 @@ mod tests {
             ("[track]\nmax_gap_s = \"long\"", "f.toml:2:13", "expected a number"),
             ("[track]\nrestart_after_gated = 0", "f.toml:2:23", "at least 1 is needed"),
             ("[track]\nmax_gap_s = 1\nmax_gap_s = 2", "f.toml:3:1", "duplicate"),
+            ("[extended]\nellipses = \"three\"", "f.toml:2:12", "\"auto\" or a whole number of at least 1"),
+            ("[extended]\nellipses = 17", "f.toml:2:12", "17 is out of range; from 1 to 16 ellipses"),
+            ("[extended]\nellipses = -1", "f.toml:2:12", "from 1 to 16 ellipses"),
+            ("[extended]\nwindow = 0", "f.toml:2:10", "from 1 to 10000 scans can be had"),
+            ("[extended]\nkeep = 1.5", "f.toml:2:8", "a number from 0 to 1"),
+            ("[extended]\nrotation = \"spin\"", "f.toml:2:12", "velocity"),
+            ("[extended]\nclutter_rate = 2", "f.toml:2:16", "means nothing without `clutter_area_m2`"),
+            ("[extended]\nwindows = 5", "f.toml:2:1", "did you mean `window`?"),
             ("[trak]", "f.toml:1:2", "did you mean `track`?"),
             ("[track", "f.toml:1:", "error"),
         ];
