@@ -36,6 +36,11 @@ const fn classed(class: Class, name: &'static str, about: &'static str, source: 
 pub const MOTIONS: &[Entry] = &[
     entry("random-walk", "position as Brownian motion", "Bar-Shalom, Li and Kirubarajan 2001, chapter 4"),
     entry("constant-velocity", "white-noise acceleration", "Bar-Shalom, Li and Kirubarajan 2001, 6.2.2"),
+    entry(
+        "constant-velocity-box",
+        "white-noise acceleration of a box whose length, width and orientation wander",
+        "Bar-Shalom, Li and Kirubarajan 2001, 6.2.2",
+    ),
     entry("constant-acceleration", "white-noise jerk", "Bar-Shalom, Li and Kirubarajan 2001, 6.2.3"),
     entry(
         "wiener-acceleration",
@@ -94,6 +99,7 @@ pub const MEASUREMENTS: &[Entry] = &[
     entry("bearing", "direction in the plane", "Ristic, Arulampalam and Gordon 2004, chapter 6"),
     entry("range", "distance", "Ristic, Arulampalam and Gordon 2004, chapter 7"),
     entry("range-rate", "speed along the line of sight", "Bar-Shalom, Li and Kirubarajan 2001, chapter 10"),
+    entry("box-size", "length, width and orientation of a box", "EUROCONTROL ASTERIX category 010, I010/270"),
     entry("linear", "any matrix with any covariance", "Kalman 1960"),
     entry("growth", "square of the state", "Gordon, Salmond and Smith 1993"),
     entry("upf-growth", "square first, straight later", "van der Merwe, Doucet, de Freitas and Wan 2000"),

@@ -6,9 +6,10 @@ use super::{Label, Outline, TrackSeries};
 use crate::metric::Region;
 
 /// Said beside a picture with outlines.
-pub(super) const NOTE: &str = "Outlines are drawn where they fit beside each other along a track, with the points of \
-                               the scans that they are of; those of ellipses lie two standard deviations from the \
-                               middle.";
+pub(super) const NOTE: &str = "Outlines are drawn where they fit beside each other along a track.";
+/// And where they are of points.
+pub(super) const OF_POINTS: &str = "Outlines are drawn where they fit beside each other along a track, with the points \
+                                    of the scans that they are of.";
 
 /// More outlines of a track say no more and make the file large.
 const MOST: usize = 24;

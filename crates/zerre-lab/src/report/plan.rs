@@ -168,7 +168,8 @@ pub(super) fn draw(report: &RunReport, scene: Option<usize>, head: Option<&str>)
     labels(&mut svg, view, &frame);
     svg.push_str("</svg></svg>");
     if view.has_outlines() {
-        notes.push(outline::NOTE.to_owned());
+        let note = if view.has_points() { outline::OF_POINTS } else { outline::NOTE };
+        notes.push(note.to_owned());
     } else if widest_step > 1 {
         notes.push(format!("Ellipses are drawn at every {} row of the longest track.", ordinal(widest_step)));
     }

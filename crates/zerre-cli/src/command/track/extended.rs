@@ -214,11 +214,13 @@ fn refuse_the_rest(config: &TrackConfig, effective: &Effective) -> Result<(), Di
     if let Some(key) = config.filter.given().first() {
         return refuse(&["filter", key], idle, leave);
     }
-    let StartConfig { acceleration_sd_mps2, turn_rate_sd_rad_s, position_m, position_sd_m, .. } =
-        &config.start;
+    let StartConfig {
+        acceleration_sd_mps2, turn_rate_sd_rad_s, size_sd_m, position_m, position_sd_m, ..
+    } = &config.start;
     let of_start = [
         ("acceleration_sd_mps2", acceleration_sd_mps2.is_some()),
         ("turn_rate_sd_rad_s", turn_rate_sd_rad_s.is_some()),
+        ("size_sd_m", size_sd_m.is_some()),
         ("position_m", position_m.is_some()),
         ("position_sd_m", position_sd_m.is_some()),
     ];
@@ -256,6 +258,9 @@ fn idle_keys(sensor: &SensorConfig) -> Vec<&'static str> {
         ("elevation_sd_rad", sensor.elevation_sd_rad.is_some()),
         ("elevation_sd_deg", sensor.elevation_sd_deg.is_some()),
         ("range_rate_sd_mps", sensor.range_rate_sd_mps.is_some()),
+        ("size_sd_m", sensor.size_sd_m.is_some()),
+        ("orientation_sd_rad", sensor.orientation_sd_rad.is_some()),
+        ("orientation_sd_deg", sensor.orientation_sd_deg.is_some()),
         ("gate", sensor.gate.is_some()),
         ("robust", sensor.robust.is_some()),
     ];

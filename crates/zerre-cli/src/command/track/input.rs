@@ -126,6 +126,12 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         input.repeated += recording.repeated;
         input.frame = input.frame.or(recording.summary.frame);
     }
+    let sized = || plots.iter().any(|(_, plot)| matches!(plot.reading, Reading::Size(_)));
+    if settings.options.sizes && !sized() {
+        let text = "no row holds a size, and without one nothing is known of a box";
+        let help = "give length_m, width_m and orientation_deg or heading_deg, or another motion";
+        return Err(Diagnostic::new(text).help(help));
+    }
     // Stable: plots of one time keep the order of the inputs.
     plots.sort_by_key(|(_, plot)| plot.time);
     (input.file_of, input.plots) = plots.into_iter().unzip();

@@ -80,6 +80,7 @@ fn components(reading: &Reading) -> (&'static str, &'static [&'static str]) {
         Reading::Bearing(_) => ("bearing", &["bearing"]),
         Reading::Range(_) => ("range", &["range"]),
         Reading::RangeRate(_) => ("range rate", &["range rate"]),
+        Reading::Size(_) => ("size", &["length", "width", "orientation"]),
         _ => ("reading", &[]),
     }
 }
@@ -516,11 +517,12 @@ pub(super) fn evidence_text(value: f64) -> String {
     if value.abs() < 1e7 { format!("{value:.1}") } else { format!("{value:.1e}") }
 }
 
-/// So many measurements of a position fix a state: position, velocity, acceleration.
+/// So many measurements fix a state: of the position for position, velocity, acceleration, and of the size as many.
 fn orders(states: &[State]) -> u64 {
     let acceleration = states.iter().any(|s| matches!(s, State::Acceleration(_) | State::TurnRate));
     let velocity = states.iter().any(|s| matches!(s, State::Velocity(_)));
-    1 + u64::from(velocity) + u64::from(acceleration)
+    let positions = 1 + u64::from(velocity) + u64::from(acceleration);
+    if states.contains(&State::Length) { 2 * positions } else { positions }
 }
 
 /// The evidence of the measurement of a row, where it was used.
@@ -562,6 +564,9 @@ pub(super) fn component(state: State) -> Component {
         State::Velocity(i) => Component::new(&format!("v{}", axis(i)), Unit::MPS),
         State::Acceleration(i) => Component::new(&format!("a{}", axis(i)), Unit::MPS2),
         State::TurnRate => Component::new("turn_rate", Unit::RADPS),
+        State::Length => Component::new("length", Unit::M),
+        State::Width => Component::new("width", Unit::M),
+        State::Orientation => Component::new("orientation", Unit::RAD),
     }
 }
 

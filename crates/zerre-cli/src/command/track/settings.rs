@@ -16,7 +16,8 @@ use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
     DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, ModeSpec, MotionSpec, Noise, Plot,
-    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_particles, has_turns, learn,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_particles, has_size,
+    has_turns, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
@@ -96,6 +97,7 @@ impl Settings {
         let options = Options {
             format,
             columns: config.input.columns.clone(),
+            sizes: has_size(&spec.motion.model),
             three_d: false,
             origin: origin.map_err(|error| Diagnostic::new(error.to_string()))?,
             max_rejected: input.max_rejected,
@@ -300,6 +302,10 @@ impl Settings {
                 range_rate_sd_mps: self
                     .effective
                     .settle_given(&at("range_rate_sd_mps"), &sensor.range_rate_sd_mps),
+                size_sd_m: self.effective.settle_given(&at("size_sd_m"), &sensor.size_sd_m),
+                orientation_sd_rad: self
+                    .effective
+                    .settle_given(&at("orientation_sd_rad"), &sensor.orientation_sd()),
                 gate: self.effective.settle_given(&at("gate"), &sensor.gate),
                 robust: robust.map(|robust| match robust {
                     Robust::StudentT { dof } => Tails::StudentT { dof },
@@ -368,6 +374,8 @@ fn key(noise: Noise) -> &'static str {
         Noise::Bearing => "bearing_sd_rad",
         Noise::Elevation => "elevation_sd_rad",
         Noise::RangeRate => "range_rate_sd_mps",
+        Noise::Size => "size_sd_m",
+        Noise::Orientation => "orientation_sd_rad",
     }
 }
 
@@ -479,6 +487,9 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
             .settle_given(&at("lateral_acceleration_mps2"), &given.lateral_acceleration_mps2),
         turn_acceleration_sd_rad_s2: effective
             .settle_given(&at("turn_acceleration_sd_rad_s2"), &given.turn_acceleration_sd_rad_s2),
+        size_sd_mps: effective.settle_given(&at("size_sd_mps"), &given.size_sd_mps),
+        orientation_sd_rad_s: effective
+            .settle_given(&at("orientation_sd_rad_s"), &given.orientation_sd_rad_s),
         tau_s: effective.settle_given(&at("tau_s"), &given.tau_s),
         turn_rate_sd_rad_s: None,
         modes: modes(&given.modes, effective),
@@ -488,6 +499,18 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         "singer" | "markov-turn" if spec.tau_s.is_none() => {
             let why = "evasive manoeuvres last ten to twenty seconds (Singer 1970)";
             spec.tau_s = Some(effective.settle(&at("tau_s"), &None, 20.0, why));
+        }
+        "constant-velocity-box" => {
+            if spec.size_sd_mps.is_none() {
+                let why = "what is seen of a body changes by metres as it turns";
+                let path = at("size_sd_mps");
+                spec.size_sd_mps = Some(effective.settle(&path, &None, 0.3, why));
+            }
+            if spec.orientation_sd_rad_s.is_none() {
+                let why = "a vehicle turns by a few degrees per second";
+                let path = at("orientation_sd_rad_s");
+                spec.orientation_sd_rad_s = Some(effective.settle(&path, &None, 0.05, why));
+            }
         }
         "wiener-turn" if spec.turn_acceleration_sd_rad_s2.is_none() => {
             let why = "a standard turn of aviation is entered within five seconds";
@@ -571,6 +594,7 @@ fn start(config: &TrackConfig, effective: &mut Effective) -> StartSpec {
         speed_sd_mps: settled.speed_sd_mps,
         acceleration_sd_mps2: settled.acceleration_sd_mps2,
         turn_rate_sd_rad_s: settled.turn_rate_sd_rad_s,
+        size_sd_m: settled.size_sd_m,
         position: position.zip(sd).map(|(list, sd)| {
             let mut place = [0.0; 3];
             place.iter_mut().zip(list).for_each(|(to, from)| *to = from);

@@ -38,6 +38,8 @@ impl TrackConfig {
         noise(&motion("jerk_sd_mps3"), m.jerk_sd_mps3)?;
         within(&motion("turn_rate_rad_s"), m.turn_rate_rad_s, MOST_SD)?;
         noise(&motion("turn_acceleration_sd_rad_s2"), m.turn_acceleration_sd_rad_s2)?;
+        noise(&motion("size_sd_mps"), m.size_sd_mps)?;
+        noise(&motion("orientation_sd_rad_s"), m.orientation_sd_rad_s)?;
         positive(&motion("tau_s"), m.tau_s)?;
         deviation(&motion("a_max_mps2"), m.a_max_mps2)?;
         probability(&motion("p_max"), m.p_max)?;
@@ -49,6 +51,7 @@ impl TrackConfig {
         deviation(&["start", "speed_sd_mps"], self.start.speed_sd_mps)?;
         deviation(&["start", "acceleration_sd_mps2"], self.start.acceleration_sd_mps2)?;
         deviation(&["start", "turn_rate_sd_rad_s"], self.start.turn_rate_sd_rad_s)?;
+        deviation(&["start", "size_sd_m"], self.start.size_sd_m)?;
         deviation(&["start", "position_sd_m"], self.start.position_sd_m)?;
         coordinates(&["start", "position_m"], self.start.position_m.as_deref())?;
         if self.start.position_m.is_some() != self.start.position_sd_m.is_some() {
@@ -87,6 +90,11 @@ impl SensorConfig {
         deviation(&at("elevation_sd_rad"), self.elevation_sd_rad)?;
         deviation(&at("elevation_sd_deg"), self.elevation_sd_deg)?;
         deviation(&at("range_rate_sd_mps"), self.range_rate_sd_mps)?;
+        deviation(&at("size_sd_m"), self.size_sd_m)?;
+        deviation(&at("orientation_sd_rad"), self.orientation_sd_rad)?;
+        deviation(&at("orientation_sd_deg"), self.orientation_sd_deg)?;
+        let both = self.orientation_sd_deg.is_some() && self.orientation_sd_rad.is_some();
+        either(&at("orientation_sd_deg"), "orientation_sd_rad", both)?;
         either(
             &at("bearing_sd_deg"),
             "bearing_sd_rad",

@@ -94,6 +94,12 @@ pub struct MotionConfig {
     /// Standard deviation of the change of the turn rate, rad/s².
     #[schemars(range(min = 0.0, max = MOST_SD))]
     pub turn_acceleration_sd_rad_s2: Option<f64>,
+    /// Standard deviation of the rates at which length and width change, m/s (constant-velocity-box).
+    #[schemars(range(min = 0.0, max = MOST_SD))]
+    pub size_sd_mps: Option<f64>,
+    /// Standard deviation of the rate at which the orientation changes, rad/s (constant-velocity-box).
+    #[schemars(range(min = 0.0, max = MOST_SD))]
+    pub orientation_sd_rad_s: Option<f64>,
     /// Time over which an acceleration persists, s.
     #[schemars(range(min = 0.0))]
     pub tau_s: Option<f64>,
@@ -215,6 +221,9 @@ pub struct StartConfig {
     /// Of the turn rate, rad/s.
     #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub turn_rate_sd_rad_s: Option<f64>,
+    /// Of length and width, m (constant-velocity-box).
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub size_sd_m: Option<f64>,
     /// Where targets are believed to appear: x, y or x, y, z, m; for bearings and ranges alone.
     #[schemars(length(min = 2, max = 3))]
     pub position_m: Option<Vec<f64>>,
@@ -253,6 +262,15 @@ pub struct SensorConfig {
     /// Of a range rate, m/s.
     #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub range_rate_sd_mps: Option<f64>,
+    /// Of a length and a width, m.
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub size_sd_m: Option<f64>,
+    /// Of an orientation or a heading, rad.
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub orientation_sd_rad: Option<f64>,
+    /// The same in degrees; instead of `orientation_sd_rad`.
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub orientation_sd_deg: Option<f64>,
     /// Probability with which a true measurement lies inside the gate; 0 or absent: no gate.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gate: Option<f64>,
@@ -270,6 +288,8 @@ impl MotionConfig {
             ("lateral_acceleration_mps2", self.lateral_acceleration_mps2),
             ("turn_rate_rad_s", self.turn_rate_rad_s),
             ("turn_acceleration_sd_rad_s2", self.turn_acceleration_sd_rad_s2),
+            ("size_sd_mps", self.size_sd_mps),
+            ("orientation_sd_rad_s", self.orientation_sd_rad_s),
             ("tau_s", self.tau_s),
             ("a_max_mps2", self.a_max_mps2),
             ("p_max", self.p_max),
@@ -283,6 +303,7 @@ impl MotionConfig {
         match model {
             "random-walk" => &["speed_sd_mps"],
             "constant-velocity" | "wiener-acceleration" => &["acceleration_sd_mps2"],
+            "constant-velocity-box" => &["acceleration_sd_mps2", "size_sd_mps", "orientation_sd_rad_s"],
             "constant-acceleration" => &["jerk_sd_mps3"],
             "singer" => &["acceleration_sd_mps2", "tau_s", "a_max_mps2", "p_max", "p_0"],
             "coordinated-turn" => &["acceleration_sd_mps2", "turn_rate_rad_s"],
@@ -298,6 +319,11 @@ impl SensorConfig {
     /// Standard deviation of bearings, rad, from whichever key gives it.
     pub fn bearing_sd(&self) -> Option<f64> {
         self.bearing_sd_rad.or(self.bearing_sd_deg.map(f64::to_radians))
+    }
+
+    /// Standard deviation of orientations, rad, from whichever key gives it.
+    pub fn orientation_sd(&self) -> Option<f64> {
+        self.orientation_sd_rad.or(self.orientation_sd_deg.map(f64::to_radians))
     }
 
     /// Standard deviation of elevations, rad, from whichever key gives it.
