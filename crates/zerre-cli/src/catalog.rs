@@ -42,9 +42,10 @@ pub fn names(entries: &[Entry], kind: &str) -> Vec<&'static str> {
 
 /// Everything that this program can name: the lists of the crates, one after the other.
 pub fn all() -> Vec<Entry> {
-    use zerre::catalog::{FILTERS, MEASUREMENTS, MOTIONS, PROPOSALS, RESAMPLERS, SERIES};
+    use zerre::catalog::{EXTENDED_FILTERS, FILTERS, MEASUREMENTS, MOTIONS, PROPOSALS, RESAMPLERS, SERIES};
     let library = [
         ("filters", FILTERS),
+        ("extended-filters", EXTENDED_FILTERS),
         ("motions", MOTIONS),
         ("series", SERIES),
         ("measurements", MEASUREMENTS),

@@ -21,6 +21,12 @@ pub enum Quantity {
     Elevation,
     /// Rate of change of the range.
     RangeRate,
+    /// Length of a body.
+    Length,
+    /// Width of a body.
+    Width,
+    /// Direction of the length in the x-y plane.
+    Orientation,
     /// Geodetic latitude.
     Latitude,
     /// Longitude.
@@ -72,13 +78,17 @@ impl Quantity {
     pub const fn role(self) -> Role {
         use Quantity::*;
         match self {
-            X | Y | Z | Range | Bearing | Elevation | RangeRate | Latitude | Longitude | Altitude => {
-                Role::Measurement
-            }
+            X | Y | Z | Range | Bearing | Elevation | RangeRate | Length | Width | Orientation | Latitude
+            | Longitude | Altitude => Role::Measurement,
             VelocityX | VelocityY | VelocityZ | VarianceX | CovarianceXy | VarianceY => Role::Estimate,
             Seconds | Calendar => Role::Time,
             Id | Sensor | Scan => Role::Label,
         }
+    }
+
+    /// Whether it is of the size of a body.
+    pub(crate) const fn is_size(self) -> bool {
+        matches!(self, Quantity::Length | Quantity::Width | Quantity::Orientation)
     }
 
     /// Name for messages.
@@ -92,6 +102,9 @@ impl Quantity {
             Bearing => "the bearing",
             Elevation => "the elevation",
             RangeRate => "the range rate",
+            Length => "the length",
+            Width => "the width",
+            Orientation => "the orientation",
             Latitude => "the latitude",
             Longitude => "the longitude",
             Altitude => "the altitude",
@@ -135,6 +148,7 @@ pub const COLUMNS: &[Column] = {
     }
     &[
         column("time_s", Seconds, same, "decimal seconds since any epoch, read exactly to a nanosecond"),
+        column("t_s", Seconds, same, "another name of time_s"),
         column(
             "time",
             Calendar,
@@ -174,6 +188,27 @@ pub const COLUMNS: &[Column] = {
             same,
             "rate of change of the range, metres per second, away is positive",
         ),
+        column("length_m", Length, same, "length of a body, metres; with width and orientation"),
+        column("width_m", Width, same, "width of a body, metres"),
+        column(
+            "orientation_rad",
+            Orientation,
+            wrap,
+            "direction of the length, counter-clockwise from the x axis, radians",
+        ),
+        column(
+            "orientation_deg",
+            Orientation,
+            bearing_deg,
+            "direction of the length, counter-clockwise from the x axis, degrees",
+        ),
+        column("heading_rad", Orientation, azimuth, "direction of the length, clockwise from north, radians"),
+        column(
+            "heading_deg",
+            Orientation,
+            azimuth_deg,
+            "direction of the length, clockwise from north, degrees",
+        ),
         column("lat_deg", Latitude, same, "geodetic latitude (WGS 84), degrees"),
         column("lon_deg", Longitude, same, "longitude (WGS 84), degrees east"),
         column("alt_m", Altitude, same, "height above the ellipsoid (WGS 84), metres"),
@@ -209,6 +244,7 @@ impl Column {
         }
         let (fits, reason) = match self.quantity {
             Quantity::Range => (value >= 0.0, "negative range"),
+            Quantity::Length | Quantity::Width => (value >= 0.0, "negative length"),
             Quantity::Elevation => (value.abs() <= QUARTER_TURN, "elevation beyond a quarter turn"),
             Quantity::Latitude => (value.abs() <= 90.0, "latitude beyond 90 degrees"),
             Quantity::Longitude => (value.abs() <= 180.0, "longitude beyond 180 degrees"),
@@ -262,11 +298,11 @@ const UNIT_WORDS: &[&str] = &[
     "inches", "yard", "furlong", "furlongs", "fathom", "fathoms", "minutes", "hr", "hrs", "hour", "hours",
 ];
 
-/// The columns of the quantity that `header` names in a unit that is not known; `None` if it does not.
-pub(crate) fn other_units(header: &str) -> Option<String> {
+/// The columns of a wanted quantity that `header` names in a unit that is not known; `None` if it does not.
+pub(crate) fn other_units(header: &str, wanted: impl Fn(Quantity) -> bool) -> Option<String> {
     let (_, unit) = header.rsplit_once('_')?;
     let is_unit = UNIT_WORDS.contains(&unit.to_ascii_lowercase().as_str());
-    if is_unit { any_units(header, |_| true) } else { None }
+    if is_unit { any_units(header, wanted) } else { None }
 }
 
 /// The columns of a wanted quantity whose stem `header` has, whatever stands where the unit should be.
@@ -342,12 +378,12 @@ mod tests {
 
     #[test]
     fn names_are_mended() {
-        assert_eq!(other_units("range_miles").as_deref(), Some("range_m, range_km"));
-        assert_eq!(other_units("time_ms").as_deref(), Some("time_s, time"));
-        assert_eq!(other_units("x_speed"), None);
-        assert_eq!(other_units("width_px"), None);
-        assert_eq!(other_units("range_km"), None);
-        assert_eq!(other_units("x_furlong").as_deref(), Some("x_m, x_km"));
+        assert_eq!(other_units("range_miles", |_| true).as_deref(), Some("range_m, range_km"));
+        assert_eq!(other_units("time_ms", |_| true).as_deref(), Some("time_s, time"));
+        assert_eq!(other_units("x_speed", |_| true), None);
+        assert_eq!(other_units("width_px", |_| true), None);
+        assert_eq!(other_units("range_km", |_| true), None);
+        assert_eq!(other_units("x_furlong", |_| true).as_deref(), Some("x_m, x_km"));
         assert_eq!(any_units("x_speed", |q| q == Quantity::X).as_deref(), Some("x_m, x_km"));
         assert_eq!(any_units("x_speed", |q| q == Quantity::Y), None);
         assert_eq!(other_case("TIME_S").map(|c| c.name), Some("time_s"));

@@ -32,7 +32,11 @@ impl Format {
         (Format::Csv, "csv", "columns with the names and units of the contract"),
         (Format::Opensky, "opensky", "OpenSky state vectors of aircraft (ADS-B); id is icao24"),
         (Format::Ais, "ais", "position reports of ships (AIS); id is MMSI"),
-        (Format::Lebl, "lebl", "airport surface radar or multilateration (ASTERIX 010); id is track or addr"),
+        (
+            Format::Lebl,
+            "lebl",
+            "airport surface radar or multilateration (ASTERIX 010); id is track or addr, sizes of the radar",
+        ),
         (Format::Uav, "uav", "satellite positioning log of one vehicle; id is uav"),
     ];
 }
@@ -139,7 +143,15 @@ const DIALECTS: &[Dialect] = &[
     Dialect {
         format: Format::Lebl,
         signature: &["tod", "track", "rho_m", "theta_deg"],
-        columns: &[("tod", "time_s"), ("track", "id"), ("rho_m", "range_m"), ("theta_deg", "azimuth_deg")],
+        columns: &[
+            ("tod", "time_s"),
+            ("track", "id"),
+            ("rho_m", "range_m"),
+            ("theta_deg", "azimuth_deg"),
+            ("length_m", "length_m"),
+            ("width_m", "width_m"),
+            ("orient_deg", "heading_deg"),
+        ],
         origin: Some(Geodetic { lat_deg: 41.295_618_33, lon_deg: 2.095_114_167, alt_m: 0.0 }),
         ..PLAIN
     },

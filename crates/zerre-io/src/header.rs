@@ -23,10 +23,11 @@ pub(crate) enum Purpose {
 }
 
 impl Purpose {
-    fn wants(self, quantity: Quantity) -> bool {
+    fn wants(self, quantity: Quantity, options: &Options) -> bool {
         use Quantity::*;
         match quantity.role() {
             Role::Time | Role::Label => true,
+            _ if quantity.is_size() => self == Purpose::Measurements && options.sizes,
             Role::Measurement => {
                 self == Purpose::Measurements
                     || matches!(quantity, X | Y | Z | Latitude | Longitude | Altitude)
@@ -120,6 +121,9 @@ impl Layout {
             (Z, &[X, Y], "x and y in metres or kilometres"),
             (Latitude, &[Longitude], "lon_deg"),
             (Longitude, &[Latitude], "lat_deg"),
+            (Length, &[Width, Orientation], "width_m and an orientation or a heading"),
+            (Width, &[Length, Orientation], "length_m and an orientation or a heading"),
+            (Orientation, &[Length, Width], "length_m and width_m"),
             (Elevation, &[Range, Bearing], "a range and a bearing or an azimuth"),
         ];
         for (lonely, partners, needs) in pairs {
@@ -144,7 +148,9 @@ impl Layout {
             _ => "",
         };
         if !needed.is_empty() {
-            odd_unit(&file(), &self.header, options, |q| purpose.wants(q) && q.role() == Role::Measurement)?;
+            odd_unit(&file(), &self.header, options, |q| {
+                purpose.wants(q, options) && q.role() == Role::Measurement
+            })?;
             let found = found(&self.header, Some(Role::Measurement));
             return Err(Error::NoMeasurement { file: file(), needed, found });
         }
@@ -185,8 +191,10 @@ fn assign(
             continue;
         }
         match Column::find(target) {
-            Some(column) if purpose.wants(column.quantity) => slots.push(Slot { cell, column }),
-            Some(_) => ignore(name, None),
+            Some(column) if purpose.wants(column.quantity, options) => slots.push(Slot { cell, column }),
+            // What a dialect may hold and nobody wants is not worth a word.
+            Some(_) if plain || mapped.is_some() => ignore(name, None),
+            Some(_) => {}
             None if mapped.is_some() => {
                 let near = columns::did_you_mean(target);
                 let hint = near.map_or(String::new(), |n| format!("; did you mean {n:?}?"));
@@ -197,7 +205,8 @@ fn assign(
                 if let Some(meant) = wrong_case(header, options, purpose, name) {
                     return Err(Error::WrongCase { file: file.to_owned(), column: shorten(name), meant });
                 }
-                match columns::other_units(name).filter(|_| columns::other_case(name).is_none()) {
+                let wanted = |q: Quantity| !q.is_size() || options.sizes;
+                match columns::other_units(name, wanted).filter(|_| columns::other_case(name).is_none()) {
                     Some(known) => {
                         return Err(Error::UnknownUnit {
                             file: file.to_owned(),
@@ -238,7 +247,7 @@ fn wrong_case(header: &[String], options: &Options, purpose: Purpose, name: &str
         let target = options.columns.get(other).unwrap_or(other);
         Column::find(target).is_some_and(|c| c.quantity.name() == quantity.name())
     };
-    let read = purpose.wants(quantity) && quantity.role() != Role::Label;
+    let read = purpose.wants(quantity, options) && quantity.role() != Role::Label;
     (read && !header.iter().any(gives)).then_some(meant.name)
 }
 

@@ -2,9 +2,8 @@
 //!
 //! A table is read row by row ([`TableReader`]) or whole and in order of time ([`Recording`]); its columns are the
 //! list [`COLUMNS`], and tables with their own column names are [`Format`]s over the same reader. Estimates and
-//! truth are [`Trajectories`], results are a [`TrackTable`] or columns ([`write_results`]), and every file
-//! appears whole or not at all
-//! ([`write_atomically`]).
+//! truth are [`Trajectories`], results are a [`TrackTable`], shapes ([`write_ellipses`]) or columns
+//! ([`write_results`]), and every file appears whole or not at all ([`write_atomically`]).
 //!
 //! ```
 //! use zerre_io::{Options, Recording};
@@ -24,6 +23,7 @@ mod header;
 mod results;
 mod rows;
 mod scene;
+mod shapes;
 mod table;
 mod tracks;
 mod truth;
@@ -37,6 +37,7 @@ pub use header::Ignored;
 pub use results::{Values, write_results};
 pub use rows::{Counts, MAX_LINE_BYTES, Options, Rejection, Summary};
 pub use scene::{Cluster, Scene, SceneBox};
+pub use shapes::{EllipseRow, write_ellipses};
 pub use table::{Recording, TableReader};
 pub use tracks::{Component, LikelyMode, TrackCsv, TrackRow, TrackTable, Unit};
 pub use truth::{Trajectories, Trajectory, TrajectoryPoint};

@@ -25,6 +25,8 @@ pub struct Options {
     pub format: Format,
     /// From names in the header to names of [`COLUMNS`](crate::COLUMNS), or to [`IGNORE`](crate::IGNORE).
     pub columns: BTreeMap<String, String>,
+    /// Sizes of bodies are measurements too; otherwise their columns are not read.
+    pub sizes: bool,
     /// Positions with their heights; otherwise heights are read and left out.
     pub three_d: bool,
     /// Origin of the local frame of geographic positions; the first position by default.
@@ -38,6 +40,7 @@ impl Default for Options {
         Options {
             format: Format::Auto,
             columns: BTreeMap::new(),
+            sizes: false,
             three_d: false,
             origin: None,
             max_rejected: 0.01,

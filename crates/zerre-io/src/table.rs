@@ -14,7 +14,7 @@ use zerre::Time;
 use zerre::track::{Plot, Reading};
 
 /// Plots in the order of the file, as soon as their line is complete. A row gives one plot for each independent
-/// reading: the position, then range and bearing, then range rate; they share their time and
+/// reading: the position, then range and bearing, then range rate, then size; they share their time and
 /// [`line`](Plot::line).
 ///
 /// The iterator ends after its first error. Rows with bad values are counted and skipped; whether there were too
@@ -91,7 +91,7 @@ impl<R: BufRead> Iterator for TableReader<R> {
 /// The independent readings of a row. An elevation belongs to the reading of its range even in two dimensions:
 /// a slant range without it would be taken for one in the plane. In three dimensions a range and a bearing whose
 /// elevation is missing are two readings, which hold for any height.
-fn readings(row: &Row, three_d: bool) -> [Option<Reading>; 4] {
+fn readings(row: &Row, three_d: bool) -> [Option<Reading>; 5] {
     let of = |q| row.value(q);
     let position = row
         .position
@@ -101,7 +101,9 @@ fn readings(row: &Row, three_d: bool) -> [Option<Reading>; 4] {
         (Some(r), Some(b), None) if !three_d => (Some(Reading::RangeBearing([r, b])), None),
         (r, b, _) => (r.map(Reading::Range), b.map(Reading::Bearing)),
     };
-    [position, range, bearing, of(Quantity::RangeRate).map(Reading::RangeRate)]
+    let size = of(Quantity::Length).zip(of(Quantity::Width)).zip(of(Quantity::Orientation));
+    let size = size.map(|((length, width), orientation)| Reading::Size([length, width, orientation]));
+    [position, range, bearing, of(Quantity::RangeRate).map(Reading::RangeRate), size]
 }
 
 /// A whole recording in order of time; plots of one time keep the order of the file.

@@ -58,6 +58,8 @@ fn run(targets: usize, steps: usize) -> Result<RunReport, zerre_lab::Error> {
         });
     }
     Ok(RunReport {
+        labels: Vec::new(),
+        scenes: Vec::new(),
         against_truth: None,
         title: "Three targets in a harbour".into(),
         command: "zerre track harbour.csv --truth harbour-truth.csv --seed 7".into(),

@@ -36,6 +36,11 @@ const fn classed(class: Class, name: &'static str, about: &'static str, source: 
 pub const MOTIONS: &[Entry] = &[
     entry("random-walk", "position as Brownian motion", "Bar-Shalom, Li and Kirubarajan 2001, chapter 4"),
     entry("constant-velocity", "white-noise acceleration", "Bar-Shalom, Li and Kirubarajan 2001, 6.2.2"),
+    entry(
+        "constant-velocity-box",
+        "white-noise acceleration of a box whose length, width and orientation wander",
+        "Bar-Shalom, Li and Kirubarajan 2001, 6.2.2",
+    ),
     entry("constant-acceleration", "white-noise jerk", "Bar-Shalom, Li and Kirubarajan 2001, 6.2.3"),
     entry(
         "wiener-acceleration",
@@ -94,6 +99,7 @@ pub const MEASUREMENTS: &[Entry] = &[
     entry("bearing", "direction in the plane", "Ristic, Arulampalam and Gordon 2004, chapter 6"),
     entry("range", "distance", "Ristic, Arulampalam and Gordon 2004, chapter 7"),
     entry("range-rate", "speed along the line of sight", "Bar-Shalom, Li and Kirubarajan 2001, chapter 10"),
+    entry("box-size", "length, width and orientation of a box", "EUROCONTROL ASTERIX category 010, I010/270"),
     entry("linear", "any matrix with any covariance", "Kalman 1960"),
     entry("growth", "square of the state", "Gordon, Salmond and Smith 1993"),
     entry("upf-growth", "square first, straight later", "van der Merwe, Doucet, de Freitas and Wan 2000"),
@@ -168,6 +174,28 @@ pub const FILTERS: &[Entry] = &[
     ),
 ];
 
+/// The filters of [`extended`](crate::extended), as [`track`](crate::track) makes them by name.
+pub const EXTENDED_FILTERS: &[Entry] = &[
+    classed(
+        Class::Approximate,
+        "window-vb",
+        "a union of ellipses by variational expectation maximisation over a window of scans",
+        "after Özkan 2019",
+    ),
+    classed(
+        Class::Approximate,
+        "random-matrix-koch",
+        "one ellipse as a random matrix, the sensor's noise being part of it",
+        "Koch 2008",
+    ),
+    classed(
+        Class::Approximate,
+        "random-matrix-feldmann",
+        "one ellipse as a random matrix, apart from the sensor's noise",
+        "Feldmann, Fränken and Koch 2011",
+    ),
+];
+
 /// What a [`ParticleFilter`](crate::filter::ParticleFilter) proposes by: the kinds of [`proposal`](crate::proposal).
 pub const PROPOSALS: &[Entry] = &[
     entry("bootstrap", "by the motion alone", "Gordon, Salmond and Smith 1993"),
@@ -203,7 +231,7 @@ mod tests {
 
     #[test]
     fn names_are_kebab_case_and_unique() {
-        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, PROPOSALS, RESAMPLERS] {
+        for list in [MOTIONS, SERIES, MEASUREMENTS, FILTERS, EXTENDED_FILTERS, PROPOSALS, RESAMPLERS] {
             for (i, entry) in list.iter().enumerate() {
                 assert!(entry.name.split('-').all(|word| !word.is_empty()), "{entry:?}");
                 assert!(entry.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{entry:?}");

@@ -49,6 +49,7 @@ mod tests {
         config.filter.settle_particles("particle", &mut effective);
         config.start.settle(&mut effective);
         config.life.settle(&mut effective);
+        config.extended.clone().unwrap_or_default().settle(&mut effective);
         effective
     }
 

@@ -40,6 +40,16 @@ impl Region {
         Region { parts: vec![Part::Polygon(corners)] }
     }
 
+    /// The lower left and the upper right corner of the box around it, m; `None` of a region without parts.
+    pub fn corners(&self) -> Option<[[f64; 2]; 2]> {
+        let end = |k: usize| {
+            let all = self.parts.iter().map(|part| part.range(k));
+            all.reduce(|(a, b), (low, high)| (a.min(low), b.max(high)))
+        };
+        let ((left, right), (low, high)) = (end(0)?, end(1)?);
+        Some([[left, low], [right, high]])
+    }
+
     /// The closed line around each part, m, ends repeated: what a picture shows.
     pub fn lines(&self) -> Vec<Vec<[f64; 2]>> {
         self.parts.iter().map(Part::line).collect()
@@ -268,6 +278,8 @@ mod tests {
         let (a, far) = (circles(&[([0.0; 2], 1.0)]), circles(&[([3.0, 0.0], 1.0)]));
         assert_eq!((a.intersection_over_union(&a), a.intersection_over_union(&far)), (1.0, 0.0));
         assert_eq!(Region::default().intersection_over_union(&Region::default()), 0.0);
+        let both = circles(&[([0.0; 2], 1.0), ([3.0, 1.0], 2.0)]);
+        assert_eq!((both.corners(), Region::default().corners()), (Some([[-1.0, -1.0], [5.0, 3.0]]), None));
     }
 
     /// An ellipse at a slant in another that is twice as large covers a quarter of it, wherever both are, and the part

@@ -9,12 +9,14 @@
 pub mod animation;
 mod chart;
 mod letters;
+mod outline;
 mod page;
 mod plan;
 pub mod study;
 mod svg;
 
 use crate::consistency::Assessment;
+use crate::metric::Region;
 
 /// What a run read, did and found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,6 +40,11 @@ pub struct RunReport {
     pub plan_note: Option<String>,
     /// The tracks, in the order of the table.
     pub tracks: Vec<TrackSeries>,
+    /// Names of pictures of the plan, where a single one would lay things over each other that were never together:
+    /// [`TrackSeries::scene`] counts in this list. Empty: one picture.
+    pub scenes: Vec<String>,
+    /// What others say of where things are and how large.
+    pub labels: Vec<Label>,
     /// The sensors; [`InnovationRow::sensor`] counts in this list.
     pub sensors: Vec<SensorReport>,
     /// What became of the rows of the input.
@@ -85,6 +92,10 @@ pub struct TrackSeries {
     pub innovations: Vec<InnovationRow>,
     /// Measurements that have a place in the plan, in metres.
     pub plots: Vec<[f64; 2]>,
+    /// Outlines of the target, one entry per estimate, or none at all; those that fit beside each other are drawn.
+    pub outlines: Vec<Outline>,
+    /// Place in [`RunReport::scenes`].
+    pub scene: usize,
     /// How many measurements updated the track.
     pub updates: u64,
     /// How many measurements were expected and absent.
@@ -93,6 +104,26 @@ pub struct TrackSeries {
     pub outcomes: Vec<(String, u64)>,
     /// The true states, where known.
     pub truth: Option<TruthSeries>,
+}
+
+/// A target's outline at one time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outline {
+    /// What it encloses, in the plan, in metres.
+    pub region: Region,
+    /// The points of the target that were seen then, in metres.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Something with a known outline.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Label {
+    /// What it is.
+    pub name: String,
+    /// Its outline, in the plan, in metres.
+    pub region: Region,
+    /// Place in [`RunReport::scenes`].
+    pub scene: usize,
 }
 
 /// One number of a state.
@@ -207,7 +238,10 @@ pub fn plan_svg(report: &RunReport) -> String {
         svg::Escaped(&report.title),
         svg::Escaped(include_str!("palette.css"))
     );
-    plan::draw(report, Some(&style)).svg
+    // Of several pictures the one with the most to see.
+    let tracks = |scene: usize| report.tracks.iter().filter(|track| track.scene == scene).count();
+    let scene = (0..report.scenes.len()).max_by_key(|scene| (tracks(*scene), std::cmp::Reverse(*scene)));
+    plan::draw(report, scene, Some(&style)).svg
 }
 
 #[cfg(test)]

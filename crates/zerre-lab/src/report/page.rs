@@ -1,8 +1,8 @@
 //! The page around the pictures.
 
 use super::chart::{Chart, Key, Layer};
-use super::plan::{self, style_of};
-use super::svg::{Escaped, Range, group, readable, signed};
+use super::plan::{self, Plan, style_of};
+use super::svg::{Escaped, Range, group, readable, signed, thinned};
 use super::{RunReport, SensorReport, TrackSeries};
 use crate::distribution::chi_square_quantile;
 use std::collections::HashMap;
@@ -11,6 +11,8 @@ use std::collections::HashMap;
 const MOST_DETAILED: usize = 60;
 /// Tracks whose charts are open at first.
 const OPEN: usize = 3;
+/// Pictures of scenes.
+const MOST_SCENES: usize = 12;
 /// Points of all charts together, at about twelve bytes each: keeps the page below two megabytes.
 const CHART_POINTS: usize = 80_000;
 
@@ -203,10 +205,21 @@ fn plan_section(out: &mut String, report: &RunReport) {
     if !drawn {
         return;
     }
-    let plan = plan::draw(report, None);
+    let shown: Vec<usize> = thinned(report.scenes.len(), MOST_SCENES).collect();
+    let plans: Vec<Plan> = match shown.is_empty() {
+        true => vec![plan::draw(report, None, None)],
+        false => shown.iter().map(|scene| plan::draw(report, Some(*scene), None)).collect(),
+    };
     out.push_str("<section><h2>Plan</h2>");
     let mut notes: Vec<String> = report.plan_note.iter().cloned().collect();
-    notes.extend(plan.notes);
+    for note in plans.iter().flat_map(|plan| &plan.notes) {
+        if !notes.contains(note) {
+            notes.push(note.clone());
+        }
+    }
+    if shown.len() < report.scenes.len() {
+        notes.push(format!("{} of {} pictures are shown.", shown.len(), report.scenes.len()));
+    }
     out.push_str("<ul class=\"key\">");
     let mut key = |mark: &str, text: &str| {
         out.push_str(&format!("<li><svg viewBox=\"0 0 22 14\" aria-hidden=\"true\">{mark}</svg>{text}</li>"));
@@ -218,12 +231,32 @@ fn plan_section(out: &mut String, report: &RunReport) {
     if report.tracks.iter().any(|t| t.truth.is_some()) {
         key("<path class=\"truth\" d=\"M1,7h20\"/>", "truth");
     }
-    key("<path class=\"plot\" d=\"M11,7h0\"/>", "measurement");
-    key("<ellipse class=\"ellipse\" cx=\"11\" cy=\"7\" rx=\"10\" ry=\"6\"/>", "95 % of the position");
+    if report.tracks.iter().any(|t| t.outlines.iter().any(|outline| !outline.points.is_empty())) {
+        key("<path class=\"point\" d=\"M7,7h0M15,7h0\"/>", "points");
+    } else {
+        key("<path class=\"plot\" d=\"M11,7h0\"/>", "measurement");
+    }
+    if report.tracks.iter().any(|t| !t.outlines.is_empty()) {
+        key("<ellipse class=\"outline\" cx=\"11\" cy=\"7\" rx=\"10\" ry=\"6\"/>", "outline");
+    } else {
+        key("<ellipse class=\"ellipse\" cx=\"11\" cy=\"7\" rx=\"10\" ry=\"6\"/>", "95 % of the position");
+    }
+    if !report.labels.is_empty() {
+        key("<path class=\"truth\" d=\"M2,2h18v10h-18z\"/>", "label");
+    }
     key("<circle class=\"start\" cx=\"11\" cy=\"7\" r=\"4\" style=\"r:4px\"/>", "start");
     key("<circle class=\"end\" cx=\"11\" cy=\"7\" r=\"4.5\" style=\"r:4.5px\"/>", "end");
     out.push_str("</ul>");
-    out.push_str(&plan.svg);
+    if shown.is_empty() {
+        plans.iter().for_each(|plan| out.push_str(&plan.svg));
+    } else {
+        out.push_str("<div class=\"scenes\">");
+        for (scene, plan) in shown.iter().zip(&plans) {
+            let name = Escaped(&report.scenes[*scene]);
+            out.push_str(&format!("<figure><figcaption>{name}</figcaption>{}</figure>", plan.svg));
+        }
+        out.push_str("</div>");
+    }
     if !notes.is_empty() {
         out.push_str(&format!("<p class=\"small\">{}</p>", Escaped(&notes.join(" "))));
     }
@@ -332,6 +365,10 @@ fn details(
         let band = times.iter().zip(&track.position_cov).map(|(t, c)| [*t, 0.0, radius(c)]).collect();
         let layers = vec![Layer::Band(band, "band"), Layer::Line(errors, "mean")];
         chart("position error (shaded: 95 % radius)", Vec::new(), "m", true, layers);
+    }
+    if track.outlines.iter().any(|outline| !outline.points.is_empty()) {
+        let counts = times.iter().zip(&track.outlines).map(|(t, o)| [*t, o.points.len() as f64]).collect();
+        chart("points in a scan", Vec::new(), "", true, vec![Layer::Dots(counts, "dot0")]);
     }
     if track.modes.len() > 1 {
         let (key, layers) = mode_layers(track, &times);

@@ -1,7 +1,8 @@
 //! The plan view: tracks, measurements, ellipses and truth, with equal scales on both axes.
 
+use super::outline;
 use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, round_step, thinned};
-use super::{RunReport, TrackSeries};
+use super::{Label, RunReport, TrackSeries};
 
 const WIDTH: f64 = 860.0;
 const LEFT: f64 = 72.0;
@@ -30,23 +31,55 @@ pub(super) struct Plan {
     pub notes: Vec<String>,
 }
 
+/// What one picture shows.
+#[derive(Clone, Copy)]
+struct View<'a> {
+    report: &'a RunReport,
+    /// `None`: everything.
+    scene: Option<usize>,
+}
+
+impl<'a> View<'a> {
+    fn shows(&self, scene: usize) -> bool {
+        self.scene.is_none_or(|own| own == scene)
+    }
+
+    /// The tracks, with their places in the list.
+    fn tracks(self) -> impl Iterator<Item = (usize, &'a TrackSeries)> {
+        self.report.tracks.iter().enumerate().filter(move |(_, track)| self.shows(track.scene))
+    }
+
+    fn labels(self) -> impl Iterator<Item = &'a Label> {
+        self.report.labels.iter().filter(move |label| self.shows(label.scene))
+    }
+
+    fn has_points(self) -> bool {
+        self.tracks().any(|(_, track)| track.outlines.iter().any(|outline| !outline.points.is_empty()))
+    }
+
+    fn has_outlines(self) -> bool {
+        self.tracks().any(|(_, track)| !track.outlines.is_empty())
+    }
+}
+
 /// From metres in the plan to the page.
-struct Frame {
+pub(super) struct Frame {
     x: Range,
     y: Range,
     height: f64,
 }
 
 impl Frame {
-    fn of(report: &RunReport) -> Frame {
-        let drawn = |p: &&[f64; 2]| p.iter().all(|v| v.is_finite());
-        let mut points: Vec<&[f64; 2]> = Vec::new();
-        for track in &report.tracks {
-            points.extend(track.position.iter().filter(drawn));
-            points.extend(track.truth.iter().flat_map(|truth| &truth.position).filter(drawn));
+    fn of(view: View<'_>) -> Frame {
+        let drawn = |p: &[f64; 2]| p.iter().all(|v| v.is_finite());
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        for (_, track) in view.tracks() {
+            points.extend(track.position.iter().filter(|p| drawn(p)));
+            points.extend(track.truth.iter().flat_map(|truth| &truth.position).filter(|p| drawn(p)));
+            points.extend(track.outlines.iter().filter_map(|o| o.region.corners()).flatten().filter(drawn));
         }
         if points.is_empty() {
-            points = report.tracks.iter().flat_map(|t| &t.plots).filter(drawn).collect();
+            points = view.tracks().flat_map(|(_, t)| &t.plots).copied().filter(drawn).collect();
         }
         let mut x = Range::over(points.iter().map(|p| p[0]), 0.06);
         let mut y = Range::over(points.iter().map(|p| p[1]), 0.06);
@@ -64,23 +97,25 @@ impl Frame {
         Frame { x, y, height }
     }
 
-    fn scale(&self) -> f64 {
+    pub(super) fn scale(&self) -> f64 {
         (WIDTH - LEFT - RIGHT) / self.x.span()
     }
 
     /// Inside the plotting area, from its top left.
-    fn place(&self, p: [f64; 2]) -> [f64; 2] {
+    pub(super) fn place(&self, p: [f64; 2]) -> [f64; 2] {
         [(p[0] - self.x.low) * self.scale(), (self.y.high - p[1]) * self.scale()]
     }
 
-    fn holds(&self, p: [f64; 2]) -> bool {
+    pub(super) fn holds(&self, p: [f64; 2]) -> bool {
         (self.x.low..=self.x.high).contains(&p[0]) && (self.y.low..=self.y.high).contains(&p[1])
     }
 }
 
-/// Draws the plan: with a `head` (title and styles) as a file of its own, without as a part of the page.
-pub(super) fn draw(report: &RunReport, head: Option<&str>) -> Plan {
-    let frame = Frame::of(report);
+/// Draws the plan, or one scene of it: with a `head` (title and styles) as a file of its own, without as a part of the
+/// page.
+pub(super) fn draw(report: &RunReport, scene: Option<usize>, head: Option<&str>) -> Plan {
+    let view = View { report, scene };
+    let frame = Frame::of(view);
     let mut notes = Vec::new();
     let (full_width, full_height) = (WIDTH, TOP + frame.height + BOTTOM);
     let root = head.map_or(String::new(), |_| {
@@ -89,28 +124,31 @@ pub(super) fn draw(report: &RunReport, head: Option<&str>) -> Plan {
     let mut svg = format!(
         "<svg{root} viewBox=\"0 0 {full_width} {full_height}\" class=\"plan\" role=\"img\" \
          aria-label=\"Plan view of {} tracks\">{}",
-        report.tracks.len(),
+        view.tracks().count(),
         head.unwrap_or_default()
     );
     axes(&mut svg, &frame);
-    legend(&mut svg, report);
+    legend(&mut svg, view);
     svg.push_str(&format!(
         "<svg x=\"{LEFT}\" y=\"{TOP}\" width=\"{}\" height=\"{}\">",
         WIDTH - LEFT - RIGHT,
         frame.height
     ));
-    measurements(&mut svg, report, &frame, &mut notes);
-    let rows: usize = report.tracks.iter().map(|t| t.position.len()).sum();
-    let line_limit = (MOST_LINE_POINTS / report.tracks.len().max(1)).clamp(50, 1500);
+    measurements(&mut svg, view, &frame, &mut notes);
+    for label in view.labels() {
+        outline::label(&mut svg, label, &frame);
+    }
+    let rows: usize = view.tracks().map(|(_, t)| t.position.len()).sum();
+    let line_limit = (MOST_LINE_POINTS / view.tracks().count().max(1)).clamp(50, 1500);
     let (mut widest_step, mut thinned_lines) = (1, false);
-    for (index, track) in report.tracks.iter().enumerate() {
+    for (index, track) in view.tracks() {
         let step =
             rows.div_ceil(MOST_ELLIPSES).max(track.position.len().div_ceil(ELLIPSES_OF_A_TRACK)).max(1);
         widest_step = widest_step.max(step);
         thinned_lines |= track.position.len() > line_limit;
         draw_track(&mut svg, index, track, &frame, step, line_limit);
     }
-    for (index, track) in report.tracks.iter().enumerate() {
+    for (index, track) in view.tracks() {
         draw_ends(&mut svg, index, track, &frame);
     }
     for sensor in &report.sensors {
@@ -127,9 +165,12 @@ pub(super) fn draw(report: &RunReport, head: Option<&str>) -> Plan {
             ));
         }
     }
-    labels(&mut svg, report, &frame);
+    labels(&mut svg, view, &frame);
     svg.push_str("</svg></svg>");
-    if widest_step > 1 {
+    if view.has_outlines() {
+        let note = if view.has_points() { outline::OF_POINTS } else { outline::NOTE };
+        notes.push(note.to_owned());
+    } else if widest_step > 1 {
         notes.push(format!("Ellipses are drawn at every {} row of the longest track.", ordinal(widest_step)));
     }
     if thinned_lines {
@@ -212,7 +253,8 @@ fn offset(ticks: &Ticks) -> f64 {
     (first / coarse).floor() * coarse
 }
 
-fn legend(svg: &mut String, report: &RunReport) {
+fn legend(svg: &mut String, view: View<'_>) {
+    let report = view.report;
     let y = TOP - 14.0;
     let mut x = LEFT;
     svg.push_str("<g class=\"legend\">");
@@ -230,15 +272,25 @@ fn legend(svg: &mut String, report: &RunReport) {
     if report.tracks.iter().any(|t| t.truth.is_some()) {
         entry("<path class=\"truth\" d=\"M0,0h20\"/>".into(), "truth", 72.0);
     }
-    entry("<path class=\"plot\" d=\"M10,0h0\"/>".into(), "measurement", 126.0);
-    entry("<ellipse class=\"ellipse\" cx=\"10\" rx=\"10\" ry=\"6\"/>".into(), "95 %", 70.0);
+    match view.has_points() {
+        true => entry("<path class=\"point\" d=\"M6,0h0M14,0h0\"/>".into(), "points", 80.0),
+        false => entry("<path class=\"plot\" d=\"M10,0h0\"/>".into(), "measurement", 126.0),
+    }
+    if view.has_outlines() {
+        entry("<ellipse class=\"outline\" cx=\"10\" rx=\"10\" ry=\"6\"/>".into(), "outline", 86.0);
+    } else {
+        entry("<ellipse class=\"ellipse\" cx=\"10\" rx=\"10\" ry=\"6\"/>".into(), "95 %", 70.0);
+    }
+    if view.labels().next().is_some() {
+        entry("<path class=\"truth\" d=\"M1,-6h18v12h-18z\"/>".into(), "label", 74.0);
+    }
     entry("<circle class=\"start\" cx=\"10\" r=\"4\"/>".into(), "start", 66.0);
     entry("<circle class=\"end\" cx=\"10\" r=\"4.5\"/>".into(), "end", 60.0);
     svg.push_str("</g>");
 }
 
-fn measurements(svg: &mut String, report: &RunReport, frame: &Frame, notes: &mut Vec<String>) {
-    let all: Vec<[f64; 2]> = report.tracks.iter().flat_map(|t| t.plots.iter().copied()).collect();
+fn measurements(svg: &mut String, view: View<'_>, frame: &Frame, notes: &mut Vec<String>) {
+    let all: Vec<[f64; 2]> = view.tracks().flat_map(|(_, t)| t.plots.iter().copied()).collect();
     let outside = all.iter().filter(|p| !frame.holds(**p)).count();
     let kept = thinned(all.len(), MOST_PLOTS).map(|i| all[i]).filter(|p| frame.holds(*p));
     svg.push_str(&format!("<path class=\"plot\" d=\"{}\"/>", dots(kept.map(|p| frame.place(p)))));
@@ -257,7 +309,9 @@ fn draw_track(svg: &mut String, index: usize, track: &TrackSeries, frame: &Frame
         "<g class=\"track{dashed}\" data-t=\"{index}\" style=\"--c:var(--c{colour})\"><title>{}</title>",
         Escaped(&track.id)
     ));
-    for i in (0..track.position.len()).step_by(step) {
+    outline::draw(svg, track, frame);
+    let ellipses = if track.outlines.is_empty() { track.position.len() } else { 0 };
+    for i in (0..ellipses).step_by(step) {
         if let (Some(&centre), Some(&covariance)) = (track.position.get(i), track.position_cov.get(i)) {
             ellipse(svg, frame, centre, covariance);
         }
@@ -352,12 +406,12 @@ fn ellipse(svg: &mut String, frame: &Frame, centre: [f64; 2], covariance: [f64; 
 }
 
 /// Names at the ends of tracks, where they do not cover each other.
-fn labels(svg: &mut String, report: &RunReport, frame: &Frame) {
-    if report.tracks.len() > MOST_LABELS {
+fn labels(svg: &mut String, view: View<'_>, frame: &Frame) {
+    if view.tracks().count() > MOST_LABELS {
         return;
     }
     let mut taken: Vec<[f64; 4]> = Vec::new();
-    for (index, track) in report.tracks.iter().enumerate() {
+    for (index, track) in view.tracks() {
         let Some(&end) = track.position.iter().rev().find(|p| p.iter().all(|v| v.is_finite())) else {
             continue;
         };

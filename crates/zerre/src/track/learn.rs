@@ -305,6 +305,8 @@ fn typical(unknown: &Unknown) -> f64 {
         Unknown::Sensor(_, Noise::Range) => 10.0,
         Unknown::Sensor(_, Noise::Bearing | Noise::Elevation) => 0.01,
         Unknown::Sensor(_, Noise::RangeRate) => 1.0,
+        Unknown::Sensor(_, Noise::Size) => 5.0,
+        Unknown::Sensor(_, Noise::Orientation) => 0.1,
     }
 }
 

@@ -26,6 +26,7 @@
 //! ```
 
 mod belief;
+mod extended;
 mod kind;
 mod learn;
 mod modes;
@@ -39,10 +40,11 @@ mod spec;
 mod tail;
 mod tracker;
 
+pub use extended::{Body, ClutterSpec, ExtendedFilter, ExtendedRow, ExtendedSpec, Interval, Rotation, Scan};
 pub use kind::{has_modes, has_particles};
 pub use learn::{HEAVY_TAILS, Learnt, Unknown, learn};
 pub use modes::{Mode, ModeSpec, has_turns};
-pub use motion::MotionSpec;
+pub use motion::{MotionSpec, has_size};
 pub use plot::{Plot, Reading};
 pub use row::{Event, Innovation, Row, State};
 pub use saved::{SavedTracker, VERSION};

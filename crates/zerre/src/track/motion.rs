@@ -1,13 +1,13 @@
 //! Motions chosen at run time.
 
 use super::modes::{ModeSpec, Moves, has_turns};
-use super::sensor::{Frame, Plane, Space, StillPlane, StillSpace};
+use super::sensor::{Boxed, Frame, Plane, Space, StillPlane, StillSpace};
 use crate::catalog::MOTIONS;
 use crate::error::{Error, Result};
 use crate::model::Motion;
 use crate::model::motion::{
-    ConstantAcceleration, ConstantVelocity, CoordinatedTurn, ManoeuvreTurn, MarkovTurn, RandomWalk, Singer,
-    WienerAcceleration, WienerTurn,
+    ConstantAcceleration, ConstantVelocity, ConstantVelocityBox, CoordinatedTurn, ManoeuvreTurn, MarkovTurn,
+    RandomWalk, Singer, WienerAcceleration, WienerTurn,
 };
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,12 @@ pub struct MotionSpec {
     pub turn_acceleration_sd_rad_s2: Option<f64>,
     /// Time that an acceleration or a turn rate lasts, s: `singer`, `markov-turn`.
     pub tau_s: Option<f64>,
+    /// Of the rates at which length and width change, m/s: `constant-velocity-box`.
+    #[serde(default)]
+    pub size_sd_mps: Option<f64>,
+    /// Of the rate at which the orientation changes, rad/s: `constant-velocity-box`.
+    #[serde(default)]
+    pub orientation_sd_rad_s: Option<f64>,
     /// How the target manoeuvres, for filters that have modes.
     #[serde(default)]
     pub modes: ModeSpec,
@@ -78,6 +84,11 @@ impl MotionSpec {
     }
 }
 
+/// Whether the motion of this name moves a box, of which [`Reading::Size`](super::Reading::Size) tells.
+pub fn has_size(motion: &str) -> bool {
+    motion == "constant-velocity-box"
+}
+
 /// Something to do with the motion of a name.
 pub(super) trait WithMotion {
     type Out;
@@ -106,6 +117,8 @@ pub(super) fn with_motion<T: WithMotion>(
     let lateral = |s: &Spec| s.needed("lateral_acceleration_mps2", s.lateral_acceleration_mps2);
     let turn_q =
         |s: &Spec| s.needed("turn_acceleration_sd_rad_s2", s.turn_acceleration_sd_rad_s2).map(|sd| sd * sd);
+    let size = |s: &Spec| s.needed("size_sd_mps", s.size_sd_mps);
+    let orientation = |s: &Spec| s.needed("orientation_sd_rad_s", s.orientation_sd_rad_s);
     match (spec.model.as_str(), dimensions) {
         (name, _) if jumping && has_turns(name, dimensions) => {
             work.with::<_, Plane, 4, 4, 2>(Moves::turning(spec)?)
@@ -118,6 +131,10 @@ pub(super) fn with_motion<T: WithMotion>(
         ("constant-velocity", 3) => {
             with!(Space, 6, 6, 3, |s: &Spec| ConstantVelocity::<3>::new(s.density()?))
         }
+        ("constant-velocity-box", 2) => with!(Boxed, 7, 7, 2, |s: &Spec| {
+            let (size, turn) = (size(s)?, orientation(s)?);
+            ConstantVelocityBox::new(s.density()?, size * size, turn * turn)
+        }),
         ("constant-acceleration", 2) => {
             with!(Plane, 6, 6, 2, |s: &Spec| ConstantAcceleration::<2>::new(s.density()?))
         }

@@ -41,6 +41,8 @@ pub enum Reading {
     Range(f64),
     /// Range rate, positive when the target recedes.
     RangeRate(f64),
+    /// Length, width, and orientation of the length, of which half a turn is the same.
+    Size([f64; 3]),
 }
 
 impl Reading {
@@ -48,7 +50,7 @@ impl Reading {
     pub fn values(&self) -> &[f64] {
         match self {
             Reading::Position2(v) | Reading::RangeBearing(v) => v,
-            Reading::Position3(v) | Reading::RangeBearingElevation(v) => v,
+            Reading::Position3(v) | Reading::RangeBearingElevation(v) | Reading::Size(v) => v,
             Reading::Bearing(v) | Reading::Range(v) | Reading::RangeRate(v) => std::slice::from_ref(v),
         }
     }

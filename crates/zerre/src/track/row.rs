@@ -16,6 +16,12 @@ pub enum State {
     Acceleration(usize),
     /// Radians per second, counter-clockwise.
     TurnRate,
+    /// Metres.
+    Length,
+    /// Metres.
+    Width,
+    /// Direction of the length, radians, counter-clockwise from the x axis.
+    Orientation,
 }
 
 /// What became of a plot, and what is known after it.

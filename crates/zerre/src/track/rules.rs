@@ -23,6 +23,9 @@ use crate::rng::Stream;
 use crate::time::Time;
 use std::array::from_fn;
 
+/// Standard deviation of an axis of which nothing is known, uniform over half a turn: pi / sqrt(12).
+const ANY_AXIS: f64 = 0.906_899_682_117_109;
+
 /// Models and settings: what all targets share.
 pub(super) struct Rules<A, F: Frame<N, D>, const N: usize, const W: usize, const D: usize> {
     pub(super) spec: TrackerSpec,
@@ -57,6 +60,7 @@ where
         Error::positive("standard deviation of the speed at the start", start.speed_sd_mps)?;
         Error::positive("standard deviation of the acceleration at the start", start.acceleration_sd_mps2)?;
         Error::positive("standard deviation of the turn rate at the start", start.turn_rate_sd_rad_s)?;
+        Error::positive("standard deviation of the size at the start", start.size_sd_m)?;
         let mut rules = Rules {
             spec: spec.clone(),
             motion: moves.quiet,
@@ -120,6 +124,8 @@ where
             State::Velocity(_) if i == j => start.speed_sd_mps * start.speed_sd_mps,
             State::Acceleration(_) if i == j => start.acceleration_sd_mps2 * start.acceleration_sd_mps2,
             State::TurnRate if i == j => start.turn_rate_sd_rad_s * start.turn_rate_sd_rad_s,
+            State::Length | State::Width if i == j => start.size_sd_m * start.size_sd_m,
+            State::Orientation if i == j => ANY_AXIS * ANY_AXIS,
             _ => 0.0,
         });
         Gaussian::new(mean, covariance)
@@ -265,7 +271,7 @@ where
                 let Ok(factor) = Cholesky::of("covariance of the innovation", &foretold.covariance) else {
                     return Ok(None);
                 };
-                let whitened = factor.whiten(&foretold.innovation(z));
+                let whitened = factor.whiten(&foretold.innovation(&model.components(z)));
                 let nis: f64 = whitened.iter().map(|w| w * w).sum();
                 let shares = factor.solve_matrix(&Matrix(model.covariance())).diagonal();
                 let log_density = -0.5 * (nis + factor.log_det() + M as f64 * LN_2PI);
@@ -366,6 +372,8 @@ pub(super) fn states<const N: usize, const D: usize>(i: usize) -> State {
         0 => State::Position(i),
         1 => State::Velocity(i - D),
         _ if N == 3 * D => State::Acceleration(i - 2 * D),
+        // A box in the plane.
+        _ if N == 2 * D + 3 => [State::Length, State::Width, State::Orientation][(i - 2 * D).min(2)],
         _ => State::TurnRate,
     }
 }

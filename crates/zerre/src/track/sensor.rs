@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::kernels::{self, Simd};
 use crate::math::{Matrix, Real, chi_square, ln, sin_cos};
 use crate::model::measurement::{
-    BearingOnly, Position, RangeBearing, RangeBearingElevation, RangeOnly, RangeRate,
+    BearingOnly, BoxSize, Position, RangeBearing, RangeBearingElevation, RangeOnly, RangeRate,
 };
 use crate::model::{GaussianMeasurement, Likelihood, Measurement};
 use crate::time::Time;
@@ -31,6 +31,10 @@ pub struct SensorSpec {
     pub elevation_sd_rad: Option<f64>,
     /// Standard deviation of a range rate, metres per second.
     pub range_rate_sd_mps: Option<f64>,
+    /// Standard deviation of a length and of a width, metres.
+    pub size_sd_m: Option<f64>,
+    /// Standard deviation of an orientation, radians.
+    pub orientation_sd_rad: Option<f64>,
     /// Probability with which a true measurement of normal errors lies inside the gate; `None` or 0 for no gate.
     pub gate: Option<f64>,
     /// A law of errors with heavier tails.
@@ -51,6 +55,10 @@ pub enum Noise {
     Elevation,
     /// Of a range rate.
     RangeRate,
+    /// Of a length and a width.
+    Size,
+    /// Of an orientation.
+    Orientation,
 }
 
 impl Noise {
@@ -63,6 +71,7 @@ impl Noise {
             Reading::Bearing(_) => &[Noise::Bearing],
             Reading::Range(_) => &[Noise::Range],
             Reading::RangeRate(_) => &[Noise::RangeRate],
+            Reading::Size(_) => &[Noise::Size, Noise::Orientation],
         }
     }
 
@@ -73,6 +82,8 @@ impl Noise {
             Noise::Bearing => "bearings",
             Noise::Elevation => "elevations",
             Noise::RangeRate => "range rates",
+            Noise::Size => "sizes",
+            Noise::Orientation => "orientations",
         }
     }
 }
@@ -86,6 +97,8 @@ impl SensorSpec {
             Noise::Bearing => self.bearing_sd_rad,
             Noise::Elevation => self.elevation_sd_rad,
             Noise::RangeRate => self.range_rate_sd_mps,
+            Noise::Size => self.size_sd_m,
+            Noise::Orientation => self.orientation_sd_rad,
         }
     }
 
@@ -97,6 +110,8 @@ impl SensorSpec {
             Noise::Bearing => &mut self.bearing_sd_rad,
             Noise::Elevation => &mut self.elevation_sd_rad,
             Noise::RangeRate => &mut self.range_rate_sd_mps,
+            Noise::Size => &mut self.size_sd_m,
+            Noise::Orientation => &mut self.orientation_sd_rad,
         }
     }
 }
@@ -105,14 +120,19 @@ impl SensorSpec {
 pub(super) trait Frame<const N: usize, const D: usize>: Clone + Send + Sync + 'static {
     type Polar: GaussianMeasurement<N, D> + Measurement<N, Value = [f64; D]> + Clone;
     type Rate: GaussianMeasurement<N, 1> + Measurement<N, Value = [f64; 1]> + Clone;
+    type Size: GaussianMeasurement<N, 3> + Measurement<N, Value = [f64; 3]> + Clone;
 
     fn polar(position: [f64; D], range_sd: f64, bearing_sd: f64, elevation_sd: f64) -> Result<Self::Polar>;
     fn rate(position: [f64; D], sd: f64) -> Result<Self::Rate>;
+    fn size(size_sd: f64, orientation_sd: f64) -> Result<Self::Size>;
 }
 
 /// States `[x, y, vx, vy, ...]`.
 #[derive(Clone)]
 pub(super) struct Plane;
+/// States `[x, y, vx, vy, length, width, orientation]`.
+#[derive(Clone)]
+pub(super) struct Boxed;
 /// States `[x, y, z, vx, vy, vz, ...]`.
 #[derive(Clone)]
 pub(super) struct Space;
@@ -123,44 +143,46 @@ pub(super) struct StillPlane;
 #[derive(Clone)]
 pub(super) struct StillSpace;
 
-/// The range rate of a state without velocity: there is none.
+/// What a state has not (a velocity, a size): there is no measurement of it.
 #[derive(Clone, Debug)]
-pub(super) enum NoRate {}
+pub(super) enum Absent<const M: usize> {}
 
-impl<const N: usize> Measurement<N> for NoRate {
-    type Value = [f64; 1];
-    type Given<'z> = NoRate;
+impl<const N: usize, const M: usize> Measurement<N> for Absent<M> {
+    type Value = [f64; M];
+    type Given<'z> = Absent<M>;
 
-    fn given(&self, _: &[f64; 1], _: Time) -> Result<NoRate> {
+    fn given(&self, _: &[f64; M], _: Time) -> Result<Absent<M>> {
         match *self {}
     }
 
     #[inline(always)]
-    fn log_likelihood<R: Real>(given: &NoRate, _: [R; N]) -> R {
+    fn log_likelihood<R: Real>(given: &Absent<M>, _: [R; N]) -> R {
         match *given {}
     }
 }
 
-impl<const N: usize> GaussianMeasurement<N, 1> for NoRate {
+impl<const N: usize, const M: usize> GaussianMeasurement<N, M> for Absent<M> {
     #[inline(always)]
-    fn predict<R: Real>(&self, _: Time, _: [R; N]) -> [R; 1] {
+    fn predict<R: Real>(&self, _: Time, _: [R; N]) -> [R; M] {
         match *self {}
     }
 
-    fn components(&self, _: &[f64; 1]) -> [f64; 1] {
+    fn components(&self, _: &[f64; M]) -> [f64; M] {
         match *self {}
     }
 
-    fn covariance(&self) -> [[f64; 1]; 1] {
+    fn covariance(&self) -> [[f64; M]; M] {
         match *self {}
     }
 }
 
 macro_rules! frames {
-    ($($frame:ident, $d:literal, $polar:ty, $rate:ty, $make_polar:expr, $make_rate:expr;)+) => {$(
-        impl<const N: usize> Frame<N, $d> for $frame {
+    ($($frame:ident<$n:ident>, $d:literal, $polar:ty, $rate:ty, $size:ty,
+       $make_polar:expr, $make_rate:expr, $make_size:expr;)+) => {$(
+        impl<const $n: usize> Frame<$n, $d> for $frame {
             type Polar = $polar;
             type Rate = $rate;
+            type Size = $size;
 
             fn polar(position: [f64; $d], range: f64, bearing: f64, elevation: f64) -> Result<$polar> {
                 $make_polar(position, range, bearing, elevation)
@@ -168,6 +190,10 @@ macro_rules! frames {
 
             fn rate(position: [f64; $d], sd: f64) -> Result<$rate> {
                 $make_rate(position, sd)
+            }
+
+            fn size(size_sd: f64, orientation_sd: f64) -> Result<$size> {
+                $make_size(size_sd, orientation_sd)
             }
         }
     )+};
@@ -181,15 +207,20 @@ fn moving<const D: usize>(position: [f64; D], sd: f64) -> Result<RangeRate<D>> {
     RangeRate::new(position, [0.0; D], sd)
 }
 
-fn still<const D: usize>(_: [f64; D], _: f64) -> Result<NoRate> {
+fn still<const D: usize>(_: [f64; D], _: f64) -> Result<Absent<1>> {
     Err(Error::Unsupported("a motion without velocity has no range rate".to_owned()))
 }
 
+fn a_point(_: f64, _: f64) -> Result<Absent<3>> {
+    Err(Error::Unsupported("a motion of a point has no size".to_owned()))
+}
+
 frames! {
-    Plane, 2, RangeBearing, RangeRate<2>, in_plane, moving;
-    StillPlane, 2, RangeBearing, NoRate, in_plane, still;
-    Space, 3, RangeBearingElevation, RangeRate<3>, RangeBearingElevation::new, moving;
-    StillSpace, 3, RangeBearingElevation, NoRate, RangeBearingElevation::new, still;
+    Plane<N>, 2, RangeBearing, RangeRate<2>, Absent<3>, in_plane, moving, a_point;
+    StillPlane<N>, 2, RangeBearing, Absent<1>, Absent<3>, in_plane, still, a_point;
+    Boxed<N>, 2, RangeBearing, RangeRate<2>, BoxSize, in_plane, moving, BoxSize::new;
+    Space<N>, 3, RangeBearingElevation, RangeRate<3>, Absent<3>, RangeBearingElevation::new, moving, a_point;
+    StillSpace<N>, 3, RangeBearingElevation, Absent<1>, Absent<3>, RangeBearingElevation::new, still, a_point;
 }
 
 /// One sensor with its models; those without a known noise are absent.
@@ -203,6 +234,7 @@ pub(super) struct Sensor<F: Frame<N, D>, const N: usize, const D: usize> {
     bearing: Option<Tail<BearingOnly, 1>>,
     range: Option<Tail<RangeOnly<D>, 1>>,
     rate: Option<Tail<F::Rate, 1>>,
+    size: Option<Tail<F::Size, 3>>,
     /// Largest squared Mahalanobis distance inside the gate, by the number of components less one.
     gate: Option<[f64; 3]>,
 }
@@ -235,11 +267,10 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
             }
         };
         let flat = [origin[0], origin[1]];
-        let rate = spec.range_rate_sd_mps.and_then(|sd| match F::rate(origin, sd) {
-            // The motion is at fault, not the sensor: told when a range rate is measured.
-            Err(Error::Unsupported(_)) => None,
-            made => Some(made),
-        });
+        // Where the motion is at fault, not the sensor, that is told when such a thing is measured.
+        let rate = spec.range_rate_sd_mps.and_then(|sd| had(F::rate(origin, sd)));
+        let size =
+            spec.size_sd_m.zip(spec.orientation_sd_rad).and_then(|(size, turn)| had(F::size(size, turn)));
         Ok(Sensor {
             name: name.to_owned(),
             position: spec.position_sd_m.map(|sd| Tail::new(Position::new(sd)?, tail)).transpose()?,
@@ -254,6 +285,7 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
                 .transpose()?,
             range: spec.range_sd_m.map(|sd| Tail::new(RangeOnly::new(origin, sd)?, tail)).transpose()?,
             rate: rate.map(|rate| Tail::new(rate?, tail)).transpose()?,
+            size: size.map(|size| Tail::new(size?, tail)).transpose()?,
             gate,
             origin,
             spec: spec.clone(),
@@ -294,6 +326,7 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
             Reading::Bearing(_) => work.with(known(&self.bearing, self, reading)?, exactly(reading)?),
             Reading::Range(_) => work.with(known(&self.range, self, reading)?, exactly(reading)?),
             Reading::RangeRate(_) => work.with(known(&self.rate, self, reading)?, exactly(reading)?),
+            Reading::Size(_) => work.with(known(&self.size, self, reading)?, exactly(reading)?),
         }
     }
 
@@ -335,7 +368,9 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
                 let noise = [variance(Noise::Range)?, variance(Noise::Bearing)?, variance(Noise::Elevation)?];
                 self.converted(z, noise)?
             }
-            Reading::Bearing(_) | Reading::Range(_) | Reading::RangeRate(_) => return Ok(None),
+            Reading::Bearing(_) | Reading::Range(_) | Reading::RangeRate(_) | Reading::Size(_) => {
+                return Ok(None);
+            }
         };
         Ok(Some(law))
     }
@@ -364,6 +399,14 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Sensor<F, N, D> {
     }
 }
 
+/// A model, or none where the motion has no place for it.
+fn had<T>(made: Result<T>) -> Option<Result<T>> {
+    match made {
+        Err(Error::Unsupported(_)) => None,
+        made => Some(made),
+    }
+}
+
 /// The values of a reading as an array.
 fn exactly<const M: usize>(reading: &Reading) -> Result<&[f64; M]> {
     let values = reading.values();
@@ -383,9 +426,10 @@ fn known<'a, T, F: Frame<N, D>, const N: usize, const D: usize>(
     model.as_ref().ok_or_else(|| {
         match Noise::of(reading).iter().find(|&&noise| sensor.spec.sd(noise).is_none()) {
             Some(&noise) => sensor.unknown(noise),
-            None => {
-                Error::Unsupported("range rates need a motion with velocity; this one has none".to_owned())
-            }
+            None => Error::Unsupported(match reading {
+                Reading::Size(_) => "sizes need a motion of a box; this one is of a point".to_owned(),
+                _ => "range rates need a motion with velocity; this one has none".to_owned(),
+            }),
         }
     })
 }
@@ -430,12 +474,14 @@ pub(super) enum Digest<'z, F: Frame<N, D>, const N: usize, const D: usize>
 where
     F::Polar: 'z,
     F::Rate: 'z,
+    F::Size: 'z,
 {
     Position(TailGiven<<Position<D> as Measurement<N>>::Given<'z>>),
     Polar(TailGiven<<F::Polar as Measurement<N>>::Given<'z>>),
     Bearing(TailGiven<<BearingOnly as Measurement<N>>::Given<'z>>),
     Range(TailGiven<<RangeOnly<D> as Measurement<N>>::Given<'z>>),
     Rate(TailGiven<<F::Rate as Measurement<N>>::Given<'z>>),
+    Size(TailGiven<<F::Size as Measurement<N>>::Given<'z>>),
 }
 
 impl<F: Frame<N, D>, const N: usize, const D: usize> Likelihood<N> for Sensors<F, N, D> {
@@ -466,6 +512,9 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Likelihood<N> for Sensors<F
             Reading::RangeRate(_) => {
                 Digest::Rate(given::<N, _>(known(&sensor.rate, sensor, reading)?, exactly(reading)?, at)?)
             }
+            Reading::Size(_) => {
+                Digest::Size(given::<N, _>(known(&sensor.size, sensor, reading)?, exactly(reading)?, at)?)
+            }
         })
     }
 
@@ -476,6 +525,7 @@ impl<F: Frame<N, D>, const N: usize, const D: usize> Likelihood<N> for Sensors<F
             Digest::Bearing(given) => kernels::score::<N, Tail<BearingOnly, 1>>(simd, given, states, out),
             Digest::Range(given) => kernels::score::<N, Tail<RangeOnly<D>, 1>>(simd, given, states, out),
             Digest::Rate(given) => kernels::score::<N, Tail<F::Rate, 1>>(simd, given, states, out),
+            Digest::Size(given) => kernels::score::<N, Tail<F::Size, 3>>(simd, given, states, out),
         }
     }
 }

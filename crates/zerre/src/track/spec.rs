@@ -49,9 +49,17 @@ pub struct StartSpec {
     pub acceleration_sd_mps2: f64,
     /// Of the turn rate, rad/s.
     pub turn_rate_sd_rad_s: f64,
+    /// Of length and width, m.
+    #[serde(default = "usual_size")]
+    pub size_sd_m: f64,
     /// Where targets are believed to appear, metres, with the standard deviation of each coordinate: for readings
     /// that do not tell a position (bearings, ranges). With `None` such readings start no track.
     pub position: Option<([f64; 3], f64)>,
+}
+
+/// A ship or an airliner is larger by a factor, a car smaller.
+fn usual_size() -> f64 {
+    40.0
 }
 
 /// When tracks end, and what is reported of them.
@@ -138,6 +146,7 @@ impl TrackerSpec {
                 speed_sd_mps: 30.0,
                 acceleration_sd_mps2: 2.0,
                 turn_rate_sd_rad_s: 0.05,
+                size_sd_m: usual_size(),
                 position: None,
             },
             life: LifeSpec {

@@ -35,6 +35,8 @@ fn spec(filter: &str, motion: &str, dimensions: usize) -> TrackerSpec {
         turn_rate_sd_rad_s: Some(0.05),
         turn_acceleration_sd_rad_s2: Some(0.01),
         tau_s: Some(10.0),
+        size_sd_mps: Some(0.5),
+        orientation_sd_rad_s: Some(0.05),
         modes: ModeSpec::default(),
     };
     let sensor = SensorSpec {
@@ -44,6 +46,8 @@ fn spec(filter: &str, motion: &str, dimensions: usize) -> TrackerSpec {
         bearing_sd_rad: Some(0.01),
         elevation_sd_rad: Some(0.01),
         range_rate_sd_mps: Some(0.5),
+        size_sd_m: Some(3.0),
+        orientation_sd_rad: Some(0.1),
         gate: None,
         robust: None,
     };
@@ -77,7 +81,7 @@ fn every_filter_follows_by_every_motion_that_it_takes() {
                 let spec = spec(filter.name, motion.name, dimensions);
                 let Ok(mut tracker) = spec.build(Engine::default()) else {
                     assert!(
-                        dimensions == 3 && motion.name.contains("turn"),
+                        dimensions == 3 && (motion.name.contains("turn") || has_size(motion.name)),
                         "{} {}",
                         filter.name,
                         motion.name

@@ -41,7 +41,7 @@ pub trait Tracker: Send {
 }
 
 /// Name of a target's first, second, ... track: another one for every pair. The random streams are keyed by it.
-fn track_name(identity: Arc<str>, track: u32) -> Arc<str> {
+pub(super) fn track_name(identity: Arc<str>, track: u32) -> Arc<str> {
     let numbered = |number: &str| {
         number.starts_with(|c: char| ('1'..='9').contains(&c)) && number.bytes().all(|b| b.is_ascii_digit())
     };

@@ -229,6 +229,30 @@ fn known_turns_are_exact() {
     }
 }
 
+/// A box is a point of constant velocity with three numbers more that wander by themselves.
+#[test]
+fn a_box_moves_like_its_middle() {
+    let (q, size, turn) = (0.05, 0.3, 0.02);
+    let motion = ConstantVelocityBox::new(q, size, turn).unwrap();
+    semigroup(&motion).unwrap();
+    for dt in STEPS {
+        let (f, found) = linear(&motion, Time::ZERO, seconds(dt));
+        let (of_point, noise) = linear(&ConstantVelocity::<2>::new(q).unwrap(), Time::ZERO, seconds(dt));
+        let t = Span::from_secs(dt).secs();
+        let spread = |small: &Matrix, rest: [f64; 3]| {
+            matrix(7, 7, |i, j| match (i < 4, j < 4) {
+                (true, true) => small[i][j],
+                (false, false) if i == j => rest[i - 4],
+                _ => 0.0,
+            })
+        };
+        let expected = spread(&of_point, [1.0; 3]);
+        compare("F", &f, &expected, &magnitude(&expected), 4.0 * EPS).unwrap();
+        let expected = spread(&noise, [size * t, size * t, turn * t]);
+        compare("Q", &found, &expected, &covariance_scale(&expected), 16.0 * EPS).unwrap();
+    }
+}
+
 /// Constant velocity whose noise of position and velocity is independent: right variances, no cross term.
 struct NoCrossTerm;
 

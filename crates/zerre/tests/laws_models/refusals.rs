@@ -18,6 +18,10 @@ fn parameters_out_of_range_are_refused() {
         assert!(Singer::<2>::from_largest(1.0, bad, 0.1, 1.0).is_err());
         assert!(CoordinatedTurn::new(0.1, bad).is_err());
         assert!(ManoeuvreTurn::new(0.1, bad).is_err());
+        for densities in [[bad, 0.1, 0.1], [0.1, bad, 0.1], [0.1, 0.1, bad]] {
+            let [motion, size, turn] = densities;
+            assert!(ConstantVelocityBox::new(motion, size, turn).is_err());
+        }
         assert!(WienerTurn::new(bad, 0.1).is_err() && WienerTurn::new(0.1, bad).is_err());
         assert!(MarkovTurn::new(0.1, 0.1, bad).is_err() && MarkovTurn::new(0.1, bad, 0.1).is_err());
         assert!(motion::Growth::new(bad).is_err());

@@ -15,8 +15,9 @@ where
 {
     let at = seconds(3.0);
     let h = sensor.predict(at, x);
+    let measured = sensor.components(&z);
     let residual: [f64; M] = std::array::from_fn(|i| {
-        let e = z[i] - h[i];
+        let e = measured[i] - h[i];
         if H::ANGLE[i] { e.sin().atan2(e.cos()) } else { e }
     });
     let (mut a, mut b, mut det) = (sensor.covariance(), residual, 1.0);
@@ -70,6 +71,7 @@ macro_rules! with_every_sensor {
         let plane = [3.0, -2.0, 1.5, 0.8];
         let behind = [-4.0, 1e-2, 1.5, 0.8];
         let space = [3.0, -2.0, 1.0, 1.5, 0.8, -0.6];
+        let sized = [3.0, -2.0, 1.5, 0.8, 30.0, 25.0, 1.5];
         let correlated = Linear::new([[1.0, 0.5, 0.0, 0.2], [0.0, 1.0, -0.7, 0.0]], [[2.0, 0.9], [0.9, 1.0]]);
         let pair = RangeBearing::new([0.0, 0.0], 0.4, 0.05).unwrap();
         vec![
@@ -90,6 +92,7 @@ macro_rules! with_every_sensor {
             $law(&RangeOnly::<3>::new([1.0, 1.0, 0.0], 0.3).unwrap(), [3.4], space),
             $law(&RangeRate::<2>::new([1.0, 1.0], [0.3, -0.1], 0.3).unwrap(), [0.4], plane),
             $law(&RangeRate::<3>::new([1.0, 1.0, 0.0], [0.3, -0.1, 0.0], 0.3).unwrap(), [0.4], space),
+            $law(&BoxSize::new(2.0, 0.1).unwrap(), [31.0, 24.0, 1.4 - PI], sized),
             $law(&correlated.unwrap(), [2.5, -2.0], plane),
             $law(&measurement::Growth::new(1.0).unwrap(), [1.3], [4.0]),
             $law(&measurement::UpfGrowth::new(0.01).unwrap(), [3.3], [4.0]),

@@ -17,6 +17,8 @@ use zerre_io::{Ignored, LocalFrame, Options, Recording, Rejection};
 pub(super) struct Input {
     /// In order of time.
     pub plots: Vec<Plot>,
+    /// Of extended targets: the points of the scan that each plot stands for.
+    pub points: Vec<Vec<[f64; 2]>>,
     /// Which of `files` each plot is from.
     pub file_of: Vec<usize>,
     pub files: Vec<File>,
@@ -81,6 +83,7 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
     let mut input = Input {
         plots: Vec::new(),
         file_of: Vec::new(),
+        points: Vec::new(),
         files: texts.into_iter().map(|(_, file)| file).collect(),
         counts: Counts::default(),
         rejections: Vec::new(),
@@ -90,6 +93,9 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         has_height,
     };
     let sensors = sensor_names(paths);
+    // Points without any identity are of one extended target; some of them without are of nobody knows which.
+    let named = || recordings.iter().any(|recording| recording.plots.iter().any(|plot| plot.id.is_some()));
+    let single = call.args.single || settings.extended.is_some() && !named();
     let mut plots: Vec<(usize, Plot)> = Vec::new();
     for (file, recording) in recordings.into_iter().enumerate() {
         let name = said(&paths[file]);
@@ -98,7 +104,7 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
             if paths.len() > 1 && plot.sensor.is_none() {
                 plot.sensor = Some(Arc::clone(&sensors[file]));
             }
-            if call.args.single {
+            if single {
                 plot.id = None;
             } else if plot.id.is_none() {
                 return Err(unidentified(&name, plot.line, &recording.summary.ignored));
@@ -120,9 +126,18 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         input.repeated += recording.repeated;
         input.frame = input.frame.or(recording.summary.frame);
     }
+    let sized = || plots.iter().any(|(_, plot)| matches!(plot.reading, Reading::Size(_)));
+    if settings.options.sizes && !sized() {
+        let text = "no row holds a size, and without one nothing is known of a box";
+        let help = "give length_m, width_m and orientation_deg or heading_deg, or another motion";
+        return Err(Diagnostic::new(text).help(help));
+    }
     // Stable: plots of one time keep the order of the inputs.
     plots.sort_by_key(|(_, plot)| plot.time);
     (input.file_of, input.plots) = plots.into_iter().unzip();
+    if settings.extended.is_some() {
+        input.gather()?;
+    }
     Ok(input)
 }
 

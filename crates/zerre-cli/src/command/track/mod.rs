@@ -1,5 +1,6 @@
 //! `zerre track`: follows identified targets in recorded measurements.
 
+mod extended;
 mod input;
 mod live;
 mod outcome;
@@ -20,6 +21,7 @@ use std::path::Path;
 use std::time::Instant;
 use work::{Reference, Run, Workers};
 use zerre::track::has_particles;
+use zerre_io::write_ellipses;
 
 /// What all parts of the command are told.
 struct Call<'a> {
@@ -56,6 +58,10 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
             return Err(Diagnostic::usage(text)
                 .help("leave --truth out, or give --json to read all of the input first"));
         }
+        if settings.extended.is_some() && !global.json {
+            let text = "extended targets are not followed row by row: their first scans tell the first shape";
+            return Err(Diagnostic::usage(text).help("write the points to a file, and track that"));
+        }
         if !global.json {
             return live::run(&call, settings, &workers);
         }
@@ -70,20 +76,11 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     listen()?;
     let input = input::read(&call, &settings)?;
     settings.check_sensors(&input.plots)?;
-    let rivals = settings.rivals();
-    settings.settle(&input.plots, &input.names(), input.has_height, console)?;
-    let mut run = work::follow(&settings.spec(global.seed), &input, &workers, console)?;
-    run.check_started(&input)?;
-    if !interrupted() && has_particles(&settings.spec(global.seed).filter.name) {
-        match best_rival(&settings, rivals, &run, &input, &workers, &call)? {
-            Some((reference, Some(mut rival), other)) if reference.is_better() => {
-                rival.prefer(&reference);
-                (settings, run) = (rival, other);
-            }
-            Some((reference, ..)) => run.reference = Some(reference),
-            None => {}
-        }
-    }
+    settings.settle_extended(&input)?;
+    let run = match &settings.extended {
+        Some(extended) => extended.follow(global.seed, &input, &workers, console)?,
+        None => follow_points(&mut settings, &input, &workers, &call)?,
+    };
     if global.explain {
         console.info(&settings.effective);
     }
@@ -99,9 +96,13 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     }
     outcome.record(&mut record);
     let table = outcome.table(&run)?;
-    record.estimates_digest = Some(outcome.digest(&table));
+    let ellipses = outcome.ellipses(&run);
+    record.estimates_digest = Some(outcome.digest(&table, &ellipses));
     folder.write("tracks.csv", |out| table.write_csv(out))?;
     folder.write("tracks.parquet", |out| table.write_parquet(out))?;
+    if !ellipses.is_empty() {
+        folder.write("shapes.csv", |out| write_ellipses(out, &ellipses))?;
+    }
     if let Some(frame) = &input.frame {
         let text = table.geojson(frame).map_err(|error| Diagnostic::new(error.to_string()))?;
         folder.write("tracks.geojson", |out| std::io::Write::write_all(out, text.as_bytes()))?;
@@ -114,7 +115,7 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
 
     outcome.summarise(&call, &settings, &run, &input, &scores, &path.join("report.html"));
     if global.json {
-        console.document(&outcome.document(&record, &scores))?;
+        console.document(&outcome.document(&record, &run, &input, &scores))?;
     }
     let degraded = outcome.degraded();
     if interrupted() {
@@ -127,6 +128,31 @@ pub(super) fn run(args: &Track, global: &Global, console: &Console) -> Result<Ex
     } else {
         Exit::Done
     })
+}
+
+/// Follows targets of one measurement at a time, by the filter that is asked for or by a better one.
+fn follow_points(
+    settings: &mut Settings,
+    input: &Input,
+    workers: &Workers,
+    call: &Call<'_>,
+) -> Result<Run, Diagnostic> {
+    let (console, seed) = (call.console, call.global.seed);
+    let rivals = settings.rivals();
+    settings.settle(&input.plots, &input.names(), input.has_height, console)?;
+    let mut run = work::follow(&settings.spec(seed), input, workers, console)?;
+    run.check_started(input)?;
+    if !interrupted() && has_particles(&settings.spec(seed).filter.name) {
+        match best_rival(settings, rivals, &run, input, workers, call)? {
+            Some((reference, Some(mut rival), other)) if reference.is_better() => {
+                rival.prefer(&reference);
+                (*settings, run) = (rival, other);
+            }
+            Some((reference, ..)) => run.reference = Some(reference),
+            None => {}
+        }
+    }
+    Ok(run)
 }
 
 /// The filter of the Kalman family that has most evidence, with its settings where it may take the place of the

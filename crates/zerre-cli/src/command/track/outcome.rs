@@ -13,9 +13,10 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 use zerre::Time;
+use zerre::extended::Ellipse;
 use zerre::filter::Outcome as Step;
-use zerre::track::{DEFAULT_SENSOR, Event, Mode, Plot, Reading, Row, State, TrackerSpec};
-use zerre_io::{Component, LikelyMode, TrackRow, TrackTable, Unit};
+use zerre::track::{Body, DEFAULT_SENSOR, Event, Interval, Mode, Plot, Reading, Row, State, TrackerSpec};
+use zerre_io::{Component, EllipseRow, LikelyMode, TrackRow, TrackTable, Unit};
 use zerre_lab::consistency::{Assessment, SensorInnovations, WhitenedComponent, assess};
 use zerre_lab::number;
 
@@ -61,6 +62,8 @@ pub(super) struct Outcome {
     pub judged: Vec<bool>,
     /// How often a track was given up because its gate let nothing in any more, and started anew.
     locked_out: u64,
+    /// Of extended targets: scans of a single point.
+    lone_points: u64,
     pub out_of_order: u64,
     repeated: u64,
 }
@@ -77,6 +80,7 @@ fn components(reading: &Reading) -> (&'static str, &'static [&'static str]) {
         Reading::Bearing(_) => ("bearing", &["bearing"]),
         Reading::Range(_) => ("range", &["range"]),
         Reading::RangeRate(_) => ("range rate", &["range rate"]),
+        Reading::Size(_) => ("size", &["length", "width", "orientation"]),
         _ => ("reading", &[]),
     }
 }
@@ -104,6 +108,7 @@ impl Outcome {
             log_evidence: 0.0,
             judged: vec![false; input.plots.len()],
             locked_out: 0,
+            lone_points: input.points.iter().filter(|points| points.len() == 1).count() as u64,
             out_of_order: input.out_of_order,
             repeated: input.repeated,
         };
@@ -113,7 +118,10 @@ impl Outcome {
         // Sensors of the measurements in a row that the gate of a track refused.
         let mut refused_in_a_row: BTreeMap<Arc<str>, Vec<usize>> = BTreeMap::new();
         for (index, plot) in input.plots.iter().enumerate() {
-            let (kind, names) = components(&plot.reading);
+            let (kind, names) = match components(&plot.reading) {
+                (_, names) if !input.points.is_empty() => ("mean of the points", names),
+                told => told,
+            };
             let place = *places.entry((plot.sensor.as_deref(), kind)).or_insert_with(|| {
                 let name = match plot.sensor.as_deref() {
                     Some(sensor) => format!("{sensor}, {kind}"),
@@ -260,6 +268,9 @@ impl Outcome {
         if self.out_of_order > 0 {
             record.outcomes_of("row-out-of-order", "sorted by time", self.out_of_order);
         }
+        if self.lone_points > 0 {
+            record.outcomes_of("scan-of-one-point", "used as it is", self.lone_points);
+        }
         if self.repeated > 0 {
             record.outcomes_of("row-repeated", "used again at the same time", self.repeated);
         }
@@ -279,22 +290,56 @@ impl Outcome {
         Ok(table)
     }
 
-    pub fn digest(&self, table: &TrackTable) -> String {
+    /// The ellipses of extended targets, in the order of the table.
+    pub fn ellipses(&self, run: &Run) -> Vec<EllipseRow> {
+        let of_row = |(row, body): (&Row, &Body)| -> Vec<EllipseRow> {
+            let each = body.shape.ellipses().iter().zip(&body.intervals).enumerate();
+            let ellipse = |(k, (ellipse, intervals)): (usize, (&Ellipse, &[Interval; 2]))| EllipseRow {
+                id: Arc::clone(&row.id),
+                time: row.time,
+                ellipse: k + 1,
+                weight: ellipse.weight,
+                middle: [row.mean[0] + ellipse.offset[0], row.mean[1] + ellipse.offset[1]],
+                extent: ellipse.extent,
+                intervals: *intervals,
+            };
+            each.map(ellipse).collect()
+        };
+        let rows = run.rows.iter().zip(&run.bodies);
+        rows.filter_map(|(row, body)| Some((row.as_ref()?, body.as_ref()?))).flat_map(of_row).collect()
+    }
+
+    pub fn digest(&self, table: &TrackTable, ellipses: &[EllipseRow]) -> String {
         let mut digest = EstimatesDigest::default();
         table.rows().iter().for_each(|row| digest.push(&row.mean));
+        for EllipseRow { weight, middle: [x, y], extent, .. } in ellipses {
+            let [[xx, xy], [_, yy]] = extent.0;
+            digest.push(&[*weight, *x, *y, xx, xy, yy]);
+        }
         digest.finish()
     }
 
     /// The document of `--json`.
-    pub fn document(&self, record: &Record, scores: &Scores) -> Value {
+    pub fn document(&self, record: &Record, run: &Run, input: &Input, scores: &Scores) -> Value {
         let tracks: Vec<Value> = self
             .tracks
             .iter()
             .map(|t| {
-                json!({
+                let mut track = json!({
                     "id": &*t.id, "start": t.start.secs(), "end": t.end.secs(),
                     "updates": t.updates, "missed": t.missed,
-                })
+                });
+                let last = t.rows.last().and_then(|&row| run.bodies.get(row)?.as_ref());
+                if let (Some(body), Value::Object(track)) = (last, &mut track) {
+                    let points: usize = t.rows.iter().map(|&row| input.points[row].len()).sum();
+                    track.insert("points".to_owned(), json!(points));
+                    track.insert("ellipses".to_owned(), json!(body.shape.len()));
+                    track.insert("points_per_scan".to_owned(), json!(body.rate));
+                    if let Some(rate) = body.clutter_rate {
+                        track.insert("clutter_per_scan".to_owned(), json!(rate));
+                    }
+                }
+                track
             })
             .collect();
         let sensors: Vec<Value> = self
@@ -345,7 +390,13 @@ impl Outcome {
         let ids = self.tracks.len();
         lines.push(("tracks", format!("{ids}{}", span(&self.tracks))));
         let used = self.count(Event::Started) + self.count(Event::Updated) + self.count(Event::Restarted);
-        lines.push(("measurements", format!("{used} used of {}{}", input.plots.len(), self.unused())));
+        let what = if input.points.is_empty() { "measurements" } else { "scans" };
+        lines.push((what, format!("{used} used of {}{}", input.plots.len(), self.unused())));
+        if !input.points.is_empty() {
+            let points: usize = input.points.iter().map(Vec::len).sum();
+            lines
+                .push(("points", format!("{points}, {} a scan", number(points as f64 / used.max(1) as f64))));
+        }
         let gate = "the gate refused every measurement for so long that the track, not they, must be wrong";
         let lost = "the filter found no likelihood where the measurements were";
         for (count, why) in [(self.locked_out, gate), (self.count(Event::Restarted) - self.locked_out, lost)]
@@ -466,11 +517,12 @@ pub(super) fn evidence_text(value: f64) -> String {
     if value.abs() < 1e7 { format!("{value:.1}") } else { format!("{value:.1e}") }
 }
 
-/// So many measurements of a position fix a state: position, velocity, acceleration.
+/// So many measurements fix a state: of the position for position, velocity, acceleration, and of the size as many.
 fn orders(states: &[State]) -> u64 {
     let acceleration = states.iter().any(|s| matches!(s, State::Acceleration(_) | State::TurnRate));
     let velocity = states.iter().any(|s| matches!(s, State::Velocity(_)));
-    1 + u64::from(velocity) + u64::from(acceleration)
+    let positions = 1 + u64::from(velocity) + u64::from(acceleration);
+    if states.contains(&State::Length) { 2 * positions } else { positions }
 }
 
 /// The evidence of the measurement of a row, where it was used.
@@ -512,6 +564,9 @@ pub(super) fn component(state: State) -> Component {
         State::Velocity(i) => Component::new(&format!("v{}", axis(i)), Unit::MPS),
         State::Acceleration(i) => Component::new(&format!("a{}", axis(i)), Unit::MPS2),
         State::TurnRate => Component::new("turn_rate", Unit::RADPS),
+        State::Length => Component::new("length", Unit::M),
+        State::Width => Component::new("width", Unit::M),
+        State::Orientation => Component::new("orientation", Unit::RAD),
     }
 }
 

@@ -9,10 +9,11 @@ use super::work::Run;
 use crate::run::Record;
 use std::collections::BTreeMap;
 use zerre::Time;
-use zerre::track::{Event, Row, has_particles};
+use zerre::track::{Event, Row, State, has_particles};
+use zerre_lab::metric::Region;
 use zerre_lab::report::{
-    Counts, InnovationRow, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo, TrackSeries,
-    TruthSeries, plan_svg, render,
+    Counts, InnovationRow, Outline, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo,
+    TrackSeries, TruthSeries, plan_svg, render,
 };
 
 /// The page, and its plan as a picture.
@@ -64,13 +65,7 @@ pub(super) fn pages(
         motion,
         seed: call.global.seed,
         start: first.and_then(calendar),
-        plan_note: input.frame.as_ref().map(|frame| {
-            let o = frame.origin();
-            format!(
-                "x points east and y north of {:.5}°, {:.5}° (latitude, longitude).",
-                o.lat_deg, o.lon_deg
-            )
-        }),
+        plan_note: plan_note(input),
         tracks: outcome
             .tracks
             .iter()
@@ -90,7 +85,8 @@ pub(super) fn pages(
                 for (index, row) in rows().filter(|(_, row)| row.event != Event::OutOfOrder) {
                     sum += evidence(row).unwrap_or(0.0);
                     push(&mut series, row, sum);
-                    series.plots.extend(run.places[index]);
+                    series.plots.extend(run.places.get(index).copied().flatten());
+                    series.outlines.extend(outline(run, input, index, row));
                     if let Some(innovation) = row.innovation.as_ref().filter(|_| outcome.judged[index]) {
                         series.innovations.push(InnovationRow {
                             time_s: row.time.secs(),
@@ -105,6 +101,8 @@ pub(super) fn pages(
             })
             .collect(),
         sensors: sensors(settings, input, outcome),
+        scenes: Vec::new(),
+        labels: Vec::new(),
         counts: Counts {
             read: record.counts.read,
             used: record.counts.used,
@@ -119,6 +117,17 @@ pub(super) fn pages(
         digest: record.estimates_digest.clone().unwrap_or_default(),
     };
     (render(&report), plan_svg(&report))
+}
+
+/// What the axes of the plan are, and its outlines.
+fn plan_note(input: &Input) -> Option<String> {
+    let axes = input.frame.as_ref().map(|frame| {
+        let o = frame.origin();
+        format!("x points east and y north of {:.5}°, {:.5}° (latitude, longitude).", o.lat_deg, o.lon_deg)
+    });
+    let two = "Ellipses lie two standard deviations of the points from their middle.".to_owned();
+    let notes: Vec<String> = axes.into_iter().chain((!input.points.is_empty()).then_some(two)).collect();
+    (!notes.is_empty()).then(|| notes.join(" "))
 }
 
 /// The scores, and how many estimates some of them leave out.
@@ -137,6 +146,29 @@ fn tiles(scores: &Scores) -> Vec<Score> {
     tiles
 }
 
+/// The outline of a target after a plot, where it has one.
+fn outline(run: &Run, input: &Input, index: usize, row: &Row) -> Option<Outline> {
+    /// Standard deviations at which ellipses are drawn.
+    const SDS: f64 = 2.0;
+    if run.bodies.is_empty() {
+        return Some(Outline { region: box_of(&run.states, &row.mean)?, points: Vec::new() });
+    }
+    let body = run.bodies.get(index)?.as_ref()?;
+    let region = Region::of_shape(&body.shape, [row.mean[0], row.mean[1]], SDS);
+    Some(Outline { region, points: input.points.get(index).cloned().unwrap_or_default() })
+}
+
+/// The box of a state that has one.
+fn box_of(states: &[State], mean: &[f64]) -> Option<Region> {
+    let of = |state| mean.get(states.iter().position(|other| *other == state)?).copied();
+    let (sin, cos) = of(State::Orientation)?.sin_cos();
+    let (half, side) = (0.5 * of(State::Length)?, 0.5 * of(State::Width)?);
+    let (x, y) = (of(State::Position(0))?, of(State::Position(1))?);
+    let corner = |a: f64, b: f64| [x + a * half * cos - b * side * sin, y + a * half * sin + b * side * cos];
+    let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(a, b)| corner(a, b));
+    Some(Region::polygon(corners.to_vec()))
+}
+
 fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {
     let n = row.mean.len();
     let entry = |i: usize, j: usize| row.covariance.get(i * n + j).copied().unwrap_or(0.0);
@@ -151,12 +183,14 @@ fn push(series: &mut TrackSeries, row: &Row, log_evidence: f64) {
 }
 
 fn info(state: zerre::track::State) -> StateInfo {
-    use zerre::track::State::{Acceleration, Position, TurnRate, Velocity};
+    use zerre::track::State::{Acceleration, Length, Orientation, Position, TurnRate, Velocity, Width};
     let unit = match state {
         Position(_) => "m",
         Velocity(_) => "m/s",
         Acceleration(_) => "m/s²",
         TurnRate => "rad/s",
+        Length | Width => "m",
+        Orientation => "rad",
     };
     StateInfo { name: component(state).name.replace('_', " "), unit: unit.to_owned() }
 }
@@ -186,8 +220,8 @@ fn sensors(settings: &Settings, input: &Input, outcome: &Outcome) -> Vec<SensorR
     let report = |(i, sensor): (usize, &super::outcome::Sensor)| SensorReport {
         name: sensor.name.clone(),
         components: sensor.components.iter().map(|c| (*c).to_owned()).collect(),
-        // A sensor of positions stands nowhere in particular.
-        position: place(i).filter(|_| sensor.components.first() != Some(&"x")),
+        // A sensor of positions, or of sizes, stands nowhere in particular.
+        position: place(i).filter(|_| !matches!(sensor.components.first(), Some(&("x" | "length")))),
         used: sensor.used,
         gated: sensor.gated,
         assessment: sensor.assessment.clone(),

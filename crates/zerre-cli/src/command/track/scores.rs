@@ -42,6 +42,7 @@ pub(super) fn score(
     let options = Options {
         format: zerre_io::Format::Auto,
         columns: BTreeMap::new(),
+        sizes: false,
         three_d: input.has_height,
         origin: input.frame.as_ref().map(LocalFrame::origin),
         max_rejected: settings.options.max_rejected,

@@ -1,5 +1,7 @@
 //! From a configuration and a recording to a tracker, with the reason for every value.
 
+use super::extended::Extended;
+use super::input::Input;
 use super::work::Reference;
 use crate::args::Track;
 use crate::config::{
@@ -8,13 +10,14 @@ use crate::config::{
 };
 use crate::console::Console;
 use crate::diagnostic::{Diagnostic, suggest};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use zerre::Span;
 use zerre::kernels::{Generator as Words, NoiseSource, Resolution};
 use zerre::resample::{Resampling, Trigger};
 use zerre::track::{
     DEFAULT_SENSOR, Estimate as Point, FilterSpec, HEAVY_TAILS, LifeSpec, ModeSpec, MotionSpec, Noise, Plot,
-    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_particles, has_turns, learn,
+    Robust as Tails, SensorSpec, StartSpec, TrackerSpec, Unknown, has_modes, has_particles, has_size,
+    has_turns, learn,
 };
 use zerre_io::{Format, Geodetic, LocalFrame, Options};
 
@@ -26,6 +29,8 @@ pub(super) struct Settings {
     /// How to read.
     pub options: Options,
     spec: TrackerSpec,
+    /// Of targets that give many points a scan; the specification has the motion then, and no filter.
+    pub extended: Option<Extended>,
     /// Why a Kalman filter took the place of the particles.
     preferred: Option<String>,
 }
@@ -36,7 +41,7 @@ pub(super) fn refused(place: &str, error: &zerre::Error) -> Diagnostic {
         .help("`zerre track --explain` shows the settings, `zerre catalog` the choices")
 }
 
-const AUTO: &str = "auto";
+pub(super) const AUTO: &str = "auto";
 
 impl Settings {
     pub fn new(
@@ -46,8 +51,12 @@ impl Settings {
     ) -> Result<Settings, Diagnostic> {
         let mut effective = Effective::new(source);
         if let Some(name) = &args.filter {
-            config.filter.name = Some(name.clone());
-            effective.from_flag(&["filter", "name"], "--filter");
+            let (place, path) = match &mut config.extended {
+                Some(extended) => (&mut extended.filter, ["extended", "filter"]),
+                None => (&mut config.filter.name, ["filter", "name"]),
+            };
+            *place = Some(name.clone());
+            effective.from_flag(&path, "--filter");
         }
         if let Some(name) = &args.motion {
             config.motion.model = Some(name.clone());
@@ -57,11 +66,29 @@ impl Settings {
             config.input.format = Some(format);
             effective.from_flag(&["input", "format"], "--format");
         }
-        let filter = filter(&config, &mut effective)?;
-        let motion = motion(&config, &mut effective)?;
-        check_modes(&config, &filter.name, &effective)?;
-        let start = start(&config, &mut effective);
-        let life = life(&config, &mut effective);
+        let extended = Extended::settle(&config, &mut effective)?;
+        let mut spec = match &extended {
+            Some(extended) => {
+                check_modes(&config, extended.spec.filter.name(), &effective)?;
+                let motion = motion(&config, &mut effective)?;
+                if motion.model != EXTENDED_MOTION {
+                    let text = format!("motion.model: extended targets move by `{EXTENDED_MOTION}`");
+                    let help =
+                        "leave it out: what a target does beyond that, its acceleration noise allows for";
+                    return Err(effective.at_value(&["motion", "model"], Diagnostic::new(text).help(help)));
+                }
+                TrackerSpec { motion, ..TrackerSpec::new("kalman", EXTENDED_MOTION) }
+            }
+            None => {
+                let filter = filter(&config, &mut effective)?;
+                let motion = motion(&config, &mut effective)?;
+                check_modes(&config, &filter.name, &effective)?;
+                let start = start(&config, &mut effective);
+                let life = life(&config, &mut effective);
+                TrackerSpec { filter, motion, start, life, ..TrackerSpec::new("kalman", "") }
+            }
+        };
+        spec.seed = 0;
         let input = config.input.settle(&mut effective);
         let format = serde_json::to_value(input.format)
             .and_then(serde_json::from_value::<Format>)
@@ -70,13 +97,12 @@ impl Settings {
         let options = Options {
             format,
             columns: config.input.columns.clone(),
+            sizes: has_size(&spec.motion.model),
             three_d: false,
             origin: origin.map_err(|error| Diagnostic::new(error.to_string()))?,
             max_rejected: input.max_rejected,
         };
-        let spec =
-            TrackerSpec { dimensions: 2, filter, motion, sensors: BTreeMap::new(), start, life, seed: 0 };
-        Ok(Settings { config, effective, options, spec, preferred: None })
+        Ok(Settings { config, effective, options, spec, extended, preferred: None })
     }
 
     /// The tracker's specification.
@@ -131,6 +157,15 @@ impl Settings {
         }
         self.spec = learnt.spec;
         console.debug(format_args!("learnt {:?} of {unknown:?}", learnt.values));
+        Ok(())
+    }
+
+    /// Settles what extended targets leave to the recording.
+    pub fn settle_extended(&mut self, input: &Input) -> Result<(), Diagnostic> {
+        if let Some(extended) = &mut self.extended {
+            extended.learn(input, &mut self.effective)?;
+            self.spec.motion.set_wander(extended.spec.acceleration_sd_mps2);
+        }
         Ok(())
     }
 
@@ -220,6 +255,9 @@ impl Settings {
 
     /// The filter in a few words.
     pub fn filter_text(&self) -> String {
+        if let Some(extended) = &self.extended {
+            return extended.filter_text();
+        }
         let filter = &self.spec.filter;
         match &self.preferred {
             Some(why) => format!("{}: {why}", filter.name),
@@ -264,6 +302,10 @@ impl Settings {
                 range_rate_sd_mps: self
                     .effective
                     .settle_given(&at("range_rate_sd_mps"), &sensor.range_rate_sd_mps),
+                size_sd_m: self.effective.settle_given(&at("size_sd_m"), &sensor.size_sd_m),
+                orientation_sd_rad: self
+                    .effective
+                    .settle_given(&at("orientation_sd_rad"), &sensor.orientation_sd()),
                 gate: self.effective.settle_given(&at("gate"), &sensor.gate),
                 robust: robust.map(|robust| match robust {
                     Robust::StudentT { dof } => Tails::StudentT { dof },
@@ -316,6 +358,9 @@ fn heavy_tails() -> Option<Robust> {
     }
 }
 
+/// How extended targets move.
+const EXTENDED_MOTION: &str = "constant-velocity";
+
 /// "1 target", "3 targets".
 pub(super) fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
@@ -329,6 +374,8 @@ fn key(noise: Noise) -> &'static str {
         Noise::Bearing => "bearing_sd_rad",
         Noise::Elevation => "elevation_sd_rad",
         Noise::RangeRate => "range_rate_sd_mps",
+        Noise::Size => "size_sd_m",
+        Noise::Orientation => "orientation_sd_rad",
     }
 }
 
@@ -440,6 +487,9 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
             .settle_given(&at("lateral_acceleration_mps2"), &given.lateral_acceleration_mps2),
         turn_acceleration_sd_rad_s2: effective
             .settle_given(&at("turn_acceleration_sd_rad_s2"), &given.turn_acceleration_sd_rad_s2),
+        size_sd_mps: effective.settle_given(&at("size_sd_mps"), &given.size_sd_mps),
+        orientation_sd_rad_s: effective
+            .settle_given(&at("orientation_sd_rad_s"), &given.orientation_sd_rad_s),
         tau_s: effective.settle_given(&at("tau_s"), &given.tau_s),
         turn_rate_sd_rad_s: None,
         modes: modes(&given.modes, effective),
@@ -449,6 +499,18 @@ fn motion(config: &TrackConfig, effective: &mut Effective) -> Result<MotionSpec,
         "singer" | "markov-turn" if spec.tau_s.is_none() => {
             let why = "evasive manoeuvres last ten to twenty seconds (Singer 1970)";
             spec.tau_s = Some(effective.settle(&at("tau_s"), &None, 20.0, why));
+        }
+        "constant-velocity-box" => {
+            if spec.size_sd_mps.is_none() {
+                let why = "what is seen of a body changes by metres as it turns";
+                let path = at("size_sd_mps");
+                spec.size_sd_mps = Some(effective.settle(&path, &None, 0.3, why));
+            }
+            if spec.orientation_sd_rad_s.is_none() {
+                let why = "a vehicle turns by a few degrees per second";
+                let path = at("orientation_sd_rad_s");
+                spec.orientation_sd_rad_s = Some(effective.settle(&path, &None, 0.05, why));
+            }
         }
         "wiener-turn" if spec.turn_acceleration_sd_rad_s2.is_none() => {
             let why = "a standard turn of aviation is entered within five seconds";
@@ -532,6 +594,7 @@ fn start(config: &TrackConfig, effective: &mut Effective) -> StartSpec {
         speed_sd_mps: settled.speed_sd_mps,
         acceleration_sd_mps2: settled.acceleration_sd_mps2,
         turn_rate_sd_rad_s: settled.turn_rate_sd_rad_s,
+        size_sd_m: settled.size_sd_m,
         position: position.zip(sd).map(|(list, sd)| {
             let mut place = [0.0; 3];
             place.iter_mut().zip(list).for_each(|(to, from)| *to = from);

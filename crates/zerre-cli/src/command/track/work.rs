@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 use zerre::kernels::{Simd, Threads};
-use zerre::track::{Engine, Event, Mode, Row, State, TrackerSpec};
+use zerre::track::{Body, Engine, Event, Mode, Row, State, TrackerSpec};
 
 /// Who works. Neither number of threads nor instructions change a result.
 pub(super) struct Workers {
@@ -42,6 +42,8 @@ pub(super) struct Run {
     pub rows: Vec<Option<Row>>,
     /// Where each plot alone puts its target in the plane, metres.
     pub places: Vec<Option<[f64; 2]>>,
+    /// Side by side with the rows, where targets are extended; else empty.
+    pub bodies: Vec<Option<Body>>,
     /// The same recording under a Kalman filter, for filters with particles.
     pub reference: Option<Reference>,
 }
@@ -81,51 +83,48 @@ impl Reference {
     }
 }
 
-/// Follows all targets.
-pub(super) fn follow(
-    spec: &TrackerSpec,
-    input: &Input,
-    workers: &Workers,
-    console: &Console,
-) -> Result<Run, Diagnostic> {
-    let plots = &input.plots;
+/// The plots of each target; those of the most plots first, so that no thread is left with them at the end.
+pub(super) fn targets(input: &Input) -> Vec<Vec<usize>> {
     let mut by_target: BTreeMap<Option<&str>, Vec<usize>> = BTreeMap::new();
-    for (index, plot) in plots.iter().enumerate() {
+    for (index, plot) in input.plots.iter().enumerate() {
         by_target.entry(plot.id.as_deref()).or_default().push(index);
     }
     let mut targets: Vec<Vec<usize>> = by_target.into_values().collect();
-    // The longest first, so that no thread is left with it at the end.
     targets.sort_by_key(|indices| std::cmp::Reverse(indices.len()));
-    let crew = workers.threads.min(targets.len()).max(1);
-    let engine = workers.engine(targets.len())?;
-    let tracker = spec.build(engine.clone()).map_err(|error| refused(&input.names(), &error))?;
-    let (states, modes) = (tracker.states(), tracker.modes().to_vec());
+    targets
+}
 
-    let rows = Mutex::new(vec![None; plots.len()]);
-    let places = Mutex::new(vec![None; plots.len()]);
-    let failure: Mutex<Option<(usize, zerre::Error)>> = Mutex::new(None);
+/// A plot by its place in the input, and what went wrong there.
+pub(super) type Failure = (usize, zerre::Error);
+
+/// Does all targets, each by itself: `one` gets the plots of one and tells what came of each, until it hears that it is
+/// to stop. Gives back what was told, side by side with the plots.
+pub(super) fn in_parallel<T: Clone + Send>(
+    input: &Input,
+    workers: &Workers,
+    console: &Console,
+    one: impl Fn(&[usize], &mut dyn FnMut(usize, T) -> bool) -> Result<(), Failure> + Sync,
+) -> Result<Vec<Option<T>>, Diagnostic> {
+    let plots = &input.plots;
+    let targets = targets(input);
+    let crew = workers.threads.min(targets.len()).max(1);
+    let told = Mutex::new(vec![None; plots.len()]);
+    let failure: Mutex<Option<Failure>> = Mutex::new(None);
     let (next, done, stop) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicBool::new(false));
-    let one_target = |indices: &[usize]| -> Result<(), (usize, zerre::Error)> {
-        let first = indices.first().copied().unwrap_or_default();
-        let mut tracker = spec.build(engine.clone()).map_err(|error| (first, error))?;
-        let mut own = Vec::with_capacity(indices.len());
-        for &index in indices {
-            if interrupted() || stop.load(Ordering::Relaxed) {
-                break;
-            }
-            let row = tracker.push(&plots[index]).map_err(|error| (index, error))?;
-            own.push((index, row, tracker.place(&plots[index])));
-            done.fetch_add(1, Ordering::Relaxed);
-        }
-        let (mut rows, mut places) = (lock(&rows), lock(&places));
-        for (index, row, place) in own {
-            (rows[index], places[index]) = (Some(row), place);
-        }
-        Ok(())
-    };
+    let stopped = || interrupted() || stop.load(Ordering::Relaxed);
     let work = || {
-        while let Some(indices) = targets.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if let Err((index, error)) = one_target(indices) {
+        while let Some(indices) = targets.get(next.fetch_add(1, Ordering::Relaxed)).filter(|_| !stopped()) {
+            let mut own = Vec::with_capacity(indices.len());
+            let result = one(indices, &mut |index, value| {
+                own.push((index, value));
+                done.fetch_add(1, Ordering::Relaxed);
+                !stopped()
+            });
+            let mut told = lock(&told);
+            for (index, value) in own {
+                told[index] = Some(value);
+            }
+            if let Err((index, error)) = result {
                 stop.store(true, Ordering::Relaxed);
                 let mut failure = lock(&failure);
                 // The earliest plot is named, whichever thread came first.
@@ -150,8 +149,35 @@ pub(super) fn follow(
         let id = plots[index].id.as_deref().unwrap_or("target");
         return Err(refused(&format!("{}, target `{id}`", input.place(index)), &error));
     }
-    let (rows, places) = (std::mem::take(&mut *lock(&rows)), std::mem::take(&mut *lock(&places)));
-    Ok(Run { states, modes, rows, places, reference: None })
+    let told = std::mem::take(&mut *lock(&told));
+    Ok(told)
+}
+
+/// Follows all targets.
+pub(super) fn follow(
+    spec: &TrackerSpec,
+    input: &Input,
+    workers: &Workers,
+    console: &Console,
+) -> Result<Run, Diagnostic> {
+    let engine = workers.engine(targets(input).len())?;
+    let tracker = spec.build(engine.clone()).map_err(|error| refused(&input.names(), &error))?;
+    let (states, modes) = (tracker.states(), tracker.modes().to_vec());
+    let told = in_parallel(input, workers, console, |indices, tell| {
+        let first = indices.first().copied().unwrap_or_default();
+        let mut tracker = spec.build(engine.clone()).map_err(|error| (first, error))?;
+        for &index in indices {
+            let plot = &input.plots[index];
+            let row = tracker.push(plot).map_err(|error| (index, error))?;
+            if !tell(index, (row, tracker.place(plot))) {
+                break;
+            }
+        }
+        Ok(())
+    })?;
+    let of = |told: Option<(Row, Option<[f64; 2]>)>| told.map_or((None, None), |(row, at)| (Some(row), at));
+    let (rows, places) = told.into_iter().map(of).unzip();
+    Ok(Run { states, modes, rows, places, bodies: Vec::new(), reference: None })
 }
 
 /// A panic in another thread ends the program by itself; here its half-done work is not looked at.
@@ -176,6 +202,12 @@ impl Run {
 
     /// How many rows of the recordings the plots that were reached are of; a row with two readings is two plots.
     pub fn rows_followed(&self, input: &Input) -> u64 {
+        let reached = |index: &usize| self.rows.get(*index).is_some_and(Option::is_some);
+        if !input.points.is_empty() {
+            // Every point is a row.
+            let points = input.points.iter().enumerate().filter(|(index, _)| reached(index));
+            return points.map(|(_, points)| points.len() as u64).sum();
+        }
         let plots = input.plots.iter().zip(&input.file_of).zip(&self.rows);
         let rows: HashSet<_> =
             plots.filter(|(_, row)| row.is_some()).map(|((plot, file), _)| (file, plot.line)).collect();

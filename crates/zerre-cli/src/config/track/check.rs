@@ -1,6 +1,6 @@
 //! Ranges: which values have a meaning.
 
-use super::{Geodetic, ModesConfig, Robust, SensorConfig, TrackConfig};
+use super::{ExtendedConfig, Geodetic, ModesConfig, Robust, SensorConfig, TrackConfig};
 use crate::config::Problem;
 use zerre::belief::MAX_PARTICLES;
 
@@ -38,6 +38,8 @@ impl TrackConfig {
         noise(&motion("jerk_sd_mps3"), m.jerk_sd_mps3)?;
         within(&motion("turn_rate_rad_s"), m.turn_rate_rad_s, MOST_SD)?;
         noise(&motion("turn_acceleration_sd_rad_s2"), m.turn_acceleration_sd_rad_s2)?;
+        noise(&motion("size_sd_mps"), m.size_sd_mps)?;
+        noise(&motion("orientation_sd_rad_s"), m.orientation_sd_rad_s)?;
         positive(&motion("tau_s"), m.tau_s)?;
         deviation(&motion("a_max_mps2"), m.a_max_mps2)?;
         probability(&motion("p_max"), m.p_max)?;
@@ -49,6 +51,7 @@ impl TrackConfig {
         deviation(&["start", "speed_sd_mps"], self.start.speed_sd_mps)?;
         deviation(&["start", "acceleration_sd_mps2"], self.start.acceleration_sd_mps2)?;
         deviation(&["start", "turn_rate_sd_rad_s"], self.start.turn_rate_sd_rad_s)?;
+        deviation(&["start", "size_sd_m"], self.start.size_sd_m)?;
         deviation(&["start", "position_sd_m"], self.start.position_sd_m)?;
         coordinates(&["start", "position_m"], self.start.position_m.as_deref())?;
         if self.start.position_m.is_some() != self.start.position_sd_m.is_some() {
@@ -59,7 +62,8 @@ impl TrackConfig {
             let what = "0 is out of range; at least 1 is needed (a large number: never)";
             return Err(problem(&["track", "restart_after_gated"], what));
         }
-        self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))
+        self.sensor.iter().try_for_each(|(name, sensor)| sensor.check(name))?;
+        self.extended.as_ref().map_or(Ok(()), ExtendedConfig::check)
     }
 }
 
@@ -86,6 +90,11 @@ impl SensorConfig {
         deviation(&at("elevation_sd_rad"), self.elevation_sd_rad)?;
         deviation(&at("elevation_sd_deg"), self.elevation_sd_deg)?;
         deviation(&at("range_rate_sd_mps"), self.range_rate_sd_mps)?;
+        deviation(&at("size_sd_m"), self.size_sd_m)?;
+        deviation(&at("orientation_sd_rad"), self.orientation_sd_rad)?;
+        deviation(&at("orientation_sd_deg"), self.orientation_sd_deg)?;
+        let both = self.orientation_sd_deg.is_some() && self.orientation_sd_rad.is_some();
+        either(&at("orientation_sd_deg"), "orientation_sd_rad", both)?;
         either(
             &at("bearing_sd_deg"),
             "bearing_sd_rad",
@@ -141,7 +150,7 @@ fn within(path: &[&str], value: Option<f64>, most: f64) -> Result<(), Problem> {
 }
 
 /// A standard deviation that may not be zero.
-fn deviation(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+pub(super) fn deviation(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     let needs = format!("a number above zero, from {LEAST_SD:e} to {MOST_SD:e}, is needed");
     range(path, value, |v| (LEAST_SD..=MOST_SD).contains(&v), &needs)
 }
@@ -152,7 +161,7 @@ fn noise(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| (0.0..=MOST_SD).contains(&v), &needs)
 }
 
-fn positive(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+pub(super) fn positive(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| v > 0.0, "a number above zero is needed")
 }
 
@@ -160,8 +169,18 @@ fn not_negative(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| v >= 0.0, "zero or a number above it is needed")
 }
 
-fn probability(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
+pub(super) fn probability(path: &[&str], value: Option<f64>) -> Result<(), Problem> {
     range(path, value, |v| (0.0..=1.0).contains(&v), "a number from 0 to 1 is needed")
+}
+
+/// A whole number from 1 on.
+pub(super) fn between(path: &[&str], value: Option<u32>, most: u32, what: &str) -> Result<(), Problem> {
+    match value {
+        Some(value) if !(1..=most).contains(&value) => {
+            Err(problem(path, &format!("{value} is out of range; from 1 to {most} {what} can be had")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn either(path: &[&str], other: &str, both: bool) -> Result<(), Problem> {

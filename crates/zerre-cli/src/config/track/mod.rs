@@ -2,6 +2,7 @@
 //! and why.
 
 mod check;
+mod extended;
 mod settings;
 
 use super::source::Source;
@@ -17,6 +18,7 @@ use std::marker::PhantomData;
 use zerre::belief::MAX_PARTICLES;
 
 use check::{LEAST_SD, LEAST_STAY, MOST_SD};
+pub use extended::{Count, ExtendedConfig, ExtendedSettings, Turning};
 pub use settings::{InputSettings, LifeSettings, ParticleSettings, StartSettings};
 
 /// What `zerre track` can be told. Units are part of the key; a noise that is absent is learnt from the recording.
@@ -41,6 +43,8 @@ pub struct TrackConfig {
     /// When a track ends, and what is reported of it.
     #[serde(rename = "track")]
     pub life: LifeConfig,
+    /// Targets that give many points a scan.
+    pub extended: Option<ExtendedConfig>,
 }
 
 /// The filter and its settings; one that the filter does not use is an error.
@@ -90,6 +94,12 @@ pub struct MotionConfig {
     /// Standard deviation of the change of the turn rate, rad/s².
     #[schemars(range(min = 0.0, max = MOST_SD))]
     pub turn_acceleration_sd_rad_s2: Option<f64>,
+    /// Standard deviation of the rates at which length and width change, m/s (constant-velocity-box).
+    #[schemars(range(min = 0.0, max = MOST_SD))]
+    pub size_sd_mps: Option<f64>,
+    /// Standard deviation of the rate at which the orientation changes, rad/s (constant-velocity-box).
+    #[schemars(range(min = 0.0, max = MOST_SD))]
+    pub orientation_sd_rad_s: Option<f64>,
     /// Time over which an acceleration persists, s.
     #[schemars(range(min = 0.0))]
     pub tau_s: Option<f64>,
@@ -211,6 +221,9 @@ pub struct StartConfig {
     /// Of the turn rate, rad/s.
     #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub turn_rate_sd_rad_s: Option<f64>,
+    /// Of length and width, m (constant-velocity-box).
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub size_sd_m: Option<f64>,
     /// Where targets are believed to appear: x, y or x, y, z, m; for bearings and ranges alone.
     #[schemars(length(min = 2, max = 3))]
     pub position_m: Option<Vec<f64>>,
@@ -249,6 +262,15 @@ pub struct SensorConfig {
     /// Of a range rate, m/s.
     #[schemars(range(min = LEAST_SD, max = MOST_SD))]
     pub range_rate_sd_mps: Option<f64>,
+    /// Of a length and a width, m.
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub size_sd_m: Option<f64>,
+    /// Of an orientation or a heading, rad.
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub orientation_sd_rad: Option<f64>,
+    /// The same in degrees; instead of `orientation_sd_rad`.
+    #[schemars(range(min = LEAST_SD, max = MOST_SD))]
+    pub orientation_sd_deg: Option<f64>,
     /// Probability with which a true measurement lies inside the gate; 0 or absent: no gate.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gate: Option<f64>,
@@ -266,6 +288,8 @@ impl MotionConfig {
             ("lateral_acceleration_mps2", self.lateral_acceleration_mps2),
             ("turn_rate_rad_s", self.turn_rate_rad_s),
             ("turn_acceleration_sd_rad_s2", self.turn_acceleration_sd_rad_s2),
+            ("size_sd_mps", self.size_sd_mps),
+            ("orientation_sd_rad_s", self.orientation_sd_rad_s),
             ("tau_s", self.tau_s),
             ("a_max_mps2", self.a_max_mps2),
             ("p_max", self.p_max),
@@ -279,6 +303,7 @@ impl MotionConfig {
         match model {
             "random-walk" => &["speed_sd_mps"],
             "constant-velocity" | "wiener-acceleration" => &["acceleration_sd_mps2"],
+            "constant-velocity-box" => &["acceleration_sd_mps2", "size_sd_mps", "orientation_sd_rad_s"],
             "constant-acceleration" => &["jerk_sd_mps3"],
             "singer" => &["acceleration_sd_mps2", "tau_s", "a_max_mps2", "p_max", "p_0"],
             "coordinated-turn" => &["acceleration_sd_mps2", "turn_rate_rad_s"],
@@ -294,6 +319,11 @@ impl SensorConfig {
     /// Standard deviation of bearings, rad, from whichever key gives it.
     pub fn bearing_sd(&self) -> Option<f64> {
         self.bearing_sd_rad.or(self.bearing_sd_deg.map(f64::to_radians))
+    }
+
+    /// Standard deviation of orientations, rad, from whichever key gives it.
+    pub fn orientation_sd(&self) -> Option<f64> {
+        self.orientation_sd_rad.or(self.orientation_sd_deg.map(f64::to_radians))
     }
 
     /// Standard deviation of elevations, rad, from whichever key gives it.
@@ -521,6 +551,14 @@ mod tests {
             ("[track]\nmax_gap_s = \"long\"", "f.toml:2:13", "expected a number"),
             ("[track]\nrestart_after_gated = 0", "f.toml:2:23", "at least 1 is needed"),
             ("[track]\nmax_gap_s = 1\nmax_gap_s = 2", "f.toml:3:1", "duplicate"),
+            ("[extended]\nellipses = \"three\"", "f.toml:2:12", "\"auto\" or a whole number of at least 1"),
+            ("[extended]\nellipses = 17", "f.toml:2:12", "17 is out of range; from 1 to 16 ellipses"),
+            ("[extended]\nellipses = -1", "f.toml:2:12", "from 1 to 16 ellipses"),
+            ("[extended]\nwindow = 0", "f.toml:2:10", "from 1 to 10000 scans can be had"),
+            ("[extended]\nkeep = 1.5", "f.toml:2:8", "a number from 0 to 1"),
+            ("[extended]\nrotation = \"spin\"", "f.toml:2:12", "velocity"),
+            ("[extended]\nclutter_rate = 2", "f.toml:2:16", "means nothing without `clutter_area_m2`"),
+            ("[extended]\nwindows = 5", "f.toml:2:1", "did you mean `window`?"),
             ("[trak]", "f.toml:1:2", "did you mean `track`?"),
             ("[track", "f.toml:1:", "error"),
         ];

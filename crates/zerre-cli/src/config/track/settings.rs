@@ -108,6 +108,8 @@ pub struct StartSettings {
     pub acceleration_sd_mps2: f64,
     /// Standard deviation of the turn rate, rad/s.
     pub turn_rate_sd_rad_s: f64,
+    /// Standard deviation of length and width, m.
+    pub size_sd_m: f64,
 }
 
 impl StartConfig {
@@ -132,6 +134,12 @@ impl StartConfig {
                 &self.turn_rate_sd_rad_s,
                 0.05,
                 "aviation's standard turn, 3 degrees per second",
+            ),
+            size_sd_m: effective.settle(
+                &at("size_sd_m"),
+                &self.size_sd_m,
+                40.0,
+                "airliners and ships; a car is smaller",
             ),
         }
     }

@@ -7,6 +7,7 @@
 
 mod bearing_only;
 mod binomial_logit;
+mod box_size;
 mod conditioned;
 mod growth;
 mod linear;
@@ -21,6 +22,7 @@ mod upf_growth;
 
 pub use bearing_only::{BearingOnly, BearingOnlyGiven};
 pub use binomial_logit::{BinomialLogit, BinomialLogitGiven};
+pub use box_size::{BoxSize, BoxSizeGiven};
 pub use conditioned::{Conditioned, ConditionedGiven};
 pub use growth::{Growth, GrowthGiven};
 pub use linear::{Linear, LinearGiven};

@@ -8,6 +8,7 @@
 mod autoregressive;
 mod constant_acceleration;
 mod constant_velocity;
+mod constant_velocity_box;
 mod coordinated_turn;
 mod discrete_velocity;
 mod flight;
@@ -27,6 +28,7 @@ mod wiener_turn;
 pub use autoregressive::Autoregressive;
 pub use constant_acceleration::ConstantAcceleration;
 pub use constant_velocity::{ConstantVelocity, ConstantVelocityStep};
+pub use constant_velocity_box::{ConstantVelocityBox, ConstantVelocityBoxStep};
 pub use coordinated_turn::{CoordinatedTurn, CoordinatedTurnStep};
 pub use discrete_velocity::{DiscreteVelocity, DiscreteVelocityStep};
 pub use flight::{Flight, FlightStep};
