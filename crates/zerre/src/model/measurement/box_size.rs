@@ -113,7 +113,7 @@ mod tests {
         let prior =
             Gaussian::independent([0.0, 0.0, 0.0, 0.0, 30.0, 25.0, 1.5], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1]);
         let motion = ConstantVelocityBox::new(1.0, 0.1, 0.01).unwrap();
-        let filter = Extended::new(prior.unwrap(), motion, BoxSize::new(1.0, 0.1).unwrap());
+        let filter = Extended::new(motion, BoxSize::new(1.0, 0.1).unwrap(), prior.unwrap());
         let mut belief = filter.start(Time::ZERO, Stream::new(1)).unwrap();
         filter.step(&mut belief, Time::ZERO, Some(&[30.0, 25.0, 1.7 - PI])).unwrap();
         // Half-way between 1.5 and 1.7, both being known to a tenth.
