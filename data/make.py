@@ -1,4 +1,5 @@
-"""Cuts the recordings of this folder from their originals: python3 make.py FOLDER
+"""Makes the recordings of this folder: python3 make.py FOLDER cuts those of others from their originals, and
+python3 make.py alone makes those that are ours.
 
 FOLDER holds `UAV_Rot.csv` of Stone Soup (docs/demos) and `scenario2_detections.json` and
 `scenario2_groundTruth.json` of the Autoferry sensor fusion dataset, anywhere below it. README.md says what comes out.
@@ -6,6 +7,7 @@ FOLDER holds `UAV_Rot.csv` of Stone Soup (docs/demos) and `scenario2_detections.
 
 import json
 import math
+import random
 import sys
 from decimal import Decimal
 from pathlib import Path
@@ -73,6 +75,53 @@ def make_ferry(folder):
     (HERE / "ferry_truth.csv").write_text("".join(positions))
 
 
+def make_turning():
+    """A long vehicle on winding ground, of which a sensor that moves along sees the left side and the front."""
+    draws = random.Random(1)
+    speed, scans, steps = 3.0, 50, 100
+    length, width, error = 12.0, 5.0, 0.15
+    share = length / (length + width)
+    # The middle of the points, from that of the vehicle.
+    middle = ((1 - share) * length / 2, share * width / 2)
+    points, truth = ["time_s,x_m,y_m\n"], ["time_s,x_m,y_m,vx_mps,vy_mps\n"]
+    x, y, angle = 0.0, 0.0, 0.6
+    for scan in range(scans):
+        sin, cos = math.sin(angle), math.cos(angle)
+
+        def placed(ahead, left):
+            return x + ahead * cos - left * sin, y + ahead * sin + left * cos
+
+        # A Poisson number of mean 10 (Knuth, The Art of Computer Programming, 3.4.1).
+        count, product = 0, draws.random()
+        while product > math.exp(-10):
+            count, product = count + 1, product * draws.random()
+        for _ in range(count):
+            side = draws.random() < share
+            ahead = (draws.random() - 0.5) * length if side else length / 2
+            left = width / 2 if side else (draws.random() - 0.5) * width
+            px, py = placed(ahead + draws.gauss(0, error), left + draws.gauss(0, error))
+            points.append(f"{scan},{px:.2f},{py:.2f}\n")
+        mx, my = placed(*middle)
+        rate = turn_rate(scan)
+        # The middle of the points turns about that of the vehicle.
+        vx, vy = speed * cos - rate * (my - y), speed * sin + rate * (mx - x)
+        truth.append(f"{scan},{mx:.3f},{my:.3f},{vx:.3f},{vy:.3f}\n")
+        for step in range(steps):
+            turned = turn_rate(scan + (step + 0.5) / steps) / steps
+            x += speed / steps * math.cos(angle + turned / 2)
+            y += speed / steps * math.sin(angle + turned / 2)
+            angle += turned
+    (HERE / "turning.csv").write_text("".join(points))
+    (HERE / "turning_truth.csv").write_text("".join(truth))
+
+
+def turn_rate(time):
+    """Radians per second: a bend to the right and one to the left."""
+    return -0.12 * math.cos(math.tau * (time - 12) / 48)
+
+
 if __name__ == "__main__":
-    cut_uav(sys.argv[1])
-    make_ferry(sys.argv[1])
+    make_turning()
+    if len(sys.argv) > 1:
+        cut_uav(sys.argv[1])
+        make_ferry(sys.argv[1])

@@ -88,6 +88,15 @@ pub enum Error {
         /// What the header holds instead, as a clause.
         found: String,
     },
+    /// A frame without a number.
+    #[error(
+        "{file}: the rows of this table are of one frame, whose number should end the name of the file, such as \
+         radar_0400_07.csv"
+    )]
+    NoFrame {
+        /// The input.
+        file: String,
+    },
     /// No column gives a measurement, or a position where positions are needed.
     #[error("{file}: no column gives a {needed}; {found}")]
     NoMeasurement {

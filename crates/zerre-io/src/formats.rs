@@ -5,6 +5,8 @@ use crate::error::{Error, Result};
 use crate::geo::Geodetic;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::path::Path;
+use zerre::{Span, Time};
 
 /// The tables that can be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +25,8 @@ pub enum Format {
     Lebl,
     /// Satellite positioning log of one vehicle.
     Uav,
+    /// Labelled radar points of nuScenes key frames, a file for each, and the labelled boxes.
+    Nuscenes,
 }
 
 impl Format {
@@ -38,6 +42,11 @@ impl Format {
             "airport surface radar or multilateration (ASTERIX 010); id is track or addr, sizes of the radar",
         ),
         (Format::Uav, "uav", "satellite positioning log of one vehicle; id is uav"),
+        (
+            Format::Nuscenes,
+            "nuscenes",
+            "labelled radar points, a file for each key frame (its number ends the name); id is frame/label",
+        ),
     ];
 }
 
@@ -81,7 +90,24 @@ pub(crate) struct Dialect {
     pub drop_repeats: bool,
     /// Reference point of positions in metres, where the source fixes it.
     pub origin: Option<Geodetic>,
+    /// Where frames are counted, of a table without times: what its rows are of.
+    pub frames: Option<Frames>,
+    /// The rows say what is there, not what was measured.
+    pub labels: bool,
 }
+
+/// Where the number of a frame stands. The time of its rows is [`KEY_FRAME`] for each frame, and the number is that of
+/// their scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Frames {
+    /// At the end of the name of the file, whose rows are all of it. Identities hold within it.
+    Name,
+    /// In the column of scans.
+    Column,
+}
+
+/// Time from one key frame of nuScenes to the next.
+pub(crate) const KEY_FRAME: Span = Span::from_nanos(500_000_000);
 
 const PLAIN: Dialect = Dialect {
     format: Format::Csv,
@@ -93,6 +119,8 @@ const PLAIN: Dialect = Dialect {
     leave_out: None,
     drop_repeats: false,
     origin: None,
+    frames: None,
+    labels: false,
 };
 
 /// Tried in this order; the contract's own names come last.
@@ -163,8 +191,63 @@ const DIALECTS: &[Dialect] = &[
         origin: Some(Geodetic { lat_deg: 41.297_062_78, lon_deg: 2.078_447_222, alt_m: 0.0 }),
         ..PLAIN
     },
+    Dialect {
+        format: Format::Nuscenes,
+        // Malzer and Baum's points of nuScenes: `time` is the age of a point within its frame.
+        signature: &["x", "y", "velocity", "motion", "time", "label"],
+        columns: &[("x", "x_m"), ("y", "y_m"), ("label", "id")],
+        leave_out: Some(("label", "-1", "of no object")),
+        frames: Some(Frames::Name),
+        ..PLAIN
+    },
+    Dialect {
+        format: Format::Nuscenes,
+        signature: &["frame", "name", "cx_m", "cy_m", "width_m", "length_m", "yaw_rad"],
+        columns: &[
+            ("frame", "scan"),
+            ("name", "id"),
+            ("cx_m", "x_m"),
+            ("cy_m", "y_m"),
+            ("length_m", "length_m"),
+            ("width_m", "width_m"),
+            ("yaw_rad", "orientation_rad"),
+        ],
+        frames: Some(Frames::Column),
+        labels: true,
+        ..PLAIN
+    },
     PLAIN,
 ];
+
+/// A frame that a file is.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Frame {
+    /// Its number.
+    pub number: u64,
+    /// What tells it from others, in front of identities: the name of the file from its first digit on.
+    pub name: String,
+}
+
+impl Frame {
+    /// The frame that a file is named for: `radar_0400_07.csv` is frame 7, `0400_07`.
+    pub fn of_file(file: &str) -> Result<Frame> {
+        let stem = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+        match stem[stem.len() - digits..].parse() {
+            Ok(number) => {
+                let name = stem.trim_start_matches(|c: char| !c.is_ascii_digit()).to_owned();
+                Ok(Frame { number, name })
+            }
+            Err(_) => Err(Error::NoFrame { file: file.to_owned() }),
+        }
+    }
+}
+
+/// When a frame was.
+pub(crate) fn frame_time(number: u64) -> Option<Time> {
+    let number = i64::try_from(number).ok()?;
+    KEY_FRAME.nanos().checked_mul(number).map(Time::from_nanos)
+}
 
 /// The rules for a table of this header, told from it if `format` is [`Format::Auto`].
 pub(crate) fn dialect(file: &str, format: Format, header: &[String]) -> Result<&'static Dialect> {
@@ -192,6 +275,22 @@ mod tests {
                 assert!(d.signature.contains(&column), "{}", d.format);
             }
         }
+    }
+
+    #[test]
+    fn files_are_frames_by_the_number_that_ends_their_name() {
+        for (file, number, name) in [
+            ("a/b/radar_0400_07.csv", 7, "0400_07"),
+            ("12.csv", 12, "12"),
+            ("scene-3/x9.y_000.csv", 0, "9.y_000"),
+        ] {
+            assert_eq!(Frame::of_file(file).unwrap(), Frame { number, name: name.to_owned() }, "{file}");
+        }
+        for file in ["radar.csv", "standard input", "7_radar.csv", "99999999999999999999999.csv", ""] {
+            assert!(matches!(Frame::of_file(file), Err(Error::NoFrame { .. })), "{file}");
+        }
+        assert_eq!(frame_time(7).unwrap().secs(), 3.5);
+        assert_eq!(frame_time(u64::MAX), None);
     }
 
     #[test]

@@ -83,7 +83,7 @@ impl Layout {
         let preference =
             |s: &Slot| dialect.columns.iter().position(|(name, _)| *name == header[s.cell]).unwrap_or(0);
         times.sort_by_key(preference);
-        if times.is_empty() {
+        if times.is_empty() && dialect.frames.is_none() {
             // Names are not numbers: a first row with numbers and without a time is data.
             if let Some(value) = header.iter().find(|h| h.parse::<f64>().is_ok()) {
                 return Err(Error::NoHeader { file: file.to_owned(), line, value: shorten(value) });

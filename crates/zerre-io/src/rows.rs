@@ -2,7 +2,7 @@
 
 use crate::columns::{Quantity, Role};
 use crate::error::{Error, Result};
-use crate::formats::Format;
+use crate::formats::{self, Format, Frame, Frames};
 use crate::geo::{Geodetic, LocalFrame};
 use crate::header::{Ignored, Layout, Purpose, shorten};
 use serde::Serialize;
@@ -98,6 +98,8 @@ pub struct Summary {
     pub ignored: Vec<Ignored>,
     /// Where positions are on Earth, if that is known.
     pub frame: Option<LocalFrame>,
+    /// Whether the rows say what is there, not what was measured.
+    pub labels: bool,
     /// Whether the table itself says where its positions are on Earth: by latitudes, or by a known reference point.
     pub geographic: bool,
 }
@@ -136,6 +138,8 @@ pub(crate) struct Rows<R> {
     layout: Layout,
     options: Options,
     frame: Option<LocalFrame>,
+    /// What all rows are of, where the file is one of several frames.
+    of: Option<Frame>,
     names: HashMap<Box<str>, Arc<str>>,
     /// Time and position of the last report of each target, where repeats are dropped.
     last: HashMap<Option<Arc<str>>, (Time, [f64; 3])>,
@@ -159,6 +163,10 @@ impl<R: BufRead> Rows<R> {
             Err(_) => vec![text.trim().to_owned()],
         };
         let layout = Layout::new(file, lines.line, header, options, purpose)?;
+        let of = match layout.dialect.frames.filter(|_| layout.times.is_empty()) {
+            Some(Frames::Name) => Some(Frame::of_file(file)?),
+            _ => None,
+        };
         let origin = options.origin.or(layout.dialect.origin);
         Ok(Rows {
             lines,
@@ -166,6 +174,7 @@ impl<R: BufRead> Rows<R> {
             layout,
             options: options.clone(),
             frame: origin.map(LocalFrame::new),
+            of,
             names: HashMap::new(),
             last: HashMap::new(),
             counts: Counts::default(),
@@ -194,7 +203,7 @@ impl<R: BufRead> Rows<R> {
                 Ok(()) => parse(
                     &self.layout,
                     &self.cells,
-                    &self.options,
+                    (&self.options, self.of.as_ref()),
                     &mut self.frame,
                     &mut self.names,
                     &mut self.counts.missing,
@@ -269,6 +278,7 @@ impl<R: BufRead> Rows<R> {
             }),
             _ => Ok(Summary {
                 format: self.layout.dialect.format,
+                labels: self.layout.dialect.labels,
                 geographic: self.layout.geographic() || self.layout.dialect.origin.is_some(),
                 counts: self.counts,
                 rejections: self.rejections,
@@ -282,7 +292,7 @@ impl<R: BufRead> Rows<R> {
 fn parse<'a>(
     layout: &Layout,
     cells: &'a Cells,
-    options: &Options,
+    (options, of): (&Options, Option<&Frame>),
     frame: &mut Option<LocalFrame>,
     names: &mut HashMap<Box<str>, Arc<str>>,
     missing: &mut u64,
@@ -298,19 +308,27 @@ fn parse<'a>(
     }
     let fault = |cell: usize, reason| Passed::Bad { cell: Some(cell), value: cells.get(cell), reason };
 
-    let Some(slot) = layout.times.iter().find(|s| !cells.get(s.cell).is_empty()) else {
-        return Err(fault(layout.times.first().map_or(0, |s| s.cell), "no time"));
+    let label = |cell: Option<usize>| cell.map(|i| cells.get(i)).filter(|text| !text.is_empty());
+    let scan = match (layout.scan, label(layout.scan)) {
+        (Some(cell), Some(text)) => Some(text.parse().map_err(|_| fault(cell, "not a whole number"))?),
+        _ => of.map(|frame| frame.number),
     };
-    let time = match slot.column.quantity {
-        // Why it is no time: plain decimals are refused for their size only.
-        Quantity::Seconds => {
+    let time = match layout.times.iter().find(|s| !cells.get(s.cell).is_empty()) {
+        Some(slot) => {
             let text = cells.get(slot.cell);
-            Time::parse_secs(text)
-                .map_err(|_| if decimal(text) { FAR_TIME } else { "not a time in decimal seconds" })
+            let time = match slot.column.quantity {
+                // Why it is no time: plain decimals are refused for their size only.
+                Quantity::Seconds => Time::parse_secs(text)
+                    .map_err(|_| if decimal(text) { FAR_TIME } else { "not a time in decimal seconds" }),
+                _ => calendar(text, layout.dialect.utc),
+            };
+            time.map_err(|reason| fault(slot.cell, reason))?
         }
-        _ => calendar(cells.get(slot.cell), layout.dialect.utc),
-    }
-    .map_err(|reason| fault(slot.cell, reason))?;
+        None if layout.times.is_empty() => {
+            scan.and_then(formats::frame_time).ok_or_else(|| fault(layout.scan.unwrap_or(0), "no frame"))?
+        }
+        None => return Err(fault(layout.times.first().map_or(0, |s| s.cell), "no time")),
+    };
 
     let mut values = [None; Quantity::NUMBERS];
     for slot in &layout.numbers {
@@ -323,11 +341,6 @@ fn parse<'a>(
             values[quantity as usize] = Some(value);
         }
     }
-    let label = |cell: Option<usize>| cell.map(|i| cells.get(i)).filter(|text| !text.is_empty());
-    let scan = match (layout.scan, label(layout.scan)) {
-        (Some(cell), Some(text)) => Some(text.parse().map_err(|_| fault(cell, "not a whole number"))?),
-        _ => None,
-    };
     let position = position(layout, options, frame, &values).map_err(|reason| {
         let first =
             layout.numbers.iter().find(|s| matches!(s.column.quantity, Quantity::X | Quantity::Latitude));
@@ -341,7 +354,10 @@ fn parse<'a>(
             name
         }
     };
-    let id = label(layout.id).or(layout.dialect.id).map(&mut intern);
+    let id = match (label(layout.id), of) {
+        (Some(id), Some(frame)) => Some(intern(&format!("{}/{id}", frame.name))),
+        (id, _) => id.or(layout.dialect.id).map(&mut intern),
+    };
     let sensor = label(layout.sensor).map(&mut intern);
     Ok(Row { line: 0, time, id, sensor, scan, position, values })
 }

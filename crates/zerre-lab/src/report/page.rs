@@ -281,7 +281,7 @@ fn tracks(out: &mut String, report: &RunReport, clock: &Clock) {
     }
     out.push_str("</tbody></table></div>");
     let charts = detailed.iter().filter(|d| **d).count();
-    if charts < report.tracks.len() {
+    if charts < report.tracks.len() && charts > 0 {
         out.push_str(&format!(
             "<p class=\"small\">Charts follow for the {charts} tracks with the most updates.</p>"
         ));
@@ -304,7 +304,8 @@ fn tracks(out: &mut String, report: &RunReport, clock: &Clock) {
 
 /// Which tracks get charts.
 fn most_updated(tracks: &[TrackSeries]) -> Vec<bool> {
-    let mut order: Vec<usize> = (0..tracks.len()).collect();
+    // A single estimate is no series.
+    let mut order: Vec<usize> = (0..tracks.len()).filter(|i| tracks[*i].times_s.len() > 1).collect();
     order.sort_by_key(|i| std::cmp::Reverse(tracks[*i].updates));
     let mut chosen = vec![false; tracks.len()];
     order.into_iter().take(MOST_DETAILED).for_each(|i| chosen[i] = true);

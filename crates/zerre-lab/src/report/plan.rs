@@ -415,9 +415,14 @@ fn labels(svg: &mut String, view: View<'_>, frame: &Frame) {
         let Some(&end) = track.position.iter().rev().find(|p| p.iter().all(|v| v.is_finite())) else {
             continue;
         };
-        let name: String = match track.id.char_indices().nth(16) {
-            Some((cut, _)) => format!("{}…", &track.id[..cut]),
-            None => track.id.clone(),
+        // In the picture of a scene its own name need not stand again.
+        let id = match view.scene.and(track.id.rsplit_once('/')) {
+            Some((_, within)) => within,
+            None => &track.id,
+        };
+        let name = match id.char_indices().nth(16) {
+            Some((cut, _)) => format!("{}…", &id[..cut]),
+            None => id.to_owned(),
         };
         // Nearly nine units per character are the bold digits of the widest usual font.
         let (width, [x, y]) = (8.7 * name.chars().count() as f64 + 4.0, frame.place(end));

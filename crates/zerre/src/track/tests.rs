@@ -1,5 +1,7 @@
-//! What trackers do, whatever the filter; [`modes`] has those for manoeuvring targets.
+//! What trackers do, whatever the filter; [`modes`] has those for manoeuvring targets, [`extended`] those of targets with
+//! a shape.
 
+mod extended;
 mod modes;
 
 use super::*;
@@ -113,6 +115,50 @@ fn every_filter_follows_by_every_motion_that_it_takes() {
             }
         }
     }
+}
+
+/// A box of 30 by 25 m that goes round at .1 rad/s, seen as position and size in turn, from either end; now and then
+/// without a size. Ten seconds after the start every filter knows its size to a metre or two (3 m of noise, thirty times)
+/// and its direction, modulo half a turn, to some tenths.
+#[test]
+fn a_box_is_followed_by_its_size() {
+    let mut draws = Stream::new(5).draws(Purpose::Other, 0, 0);
+    let mut plots = Vec::new();
+    for k in 0..60 {
+        let (t, angle) = (f64::from(k), 0.1 * f64::from(k));
+        let at = [100.0 * angle.sin() + draws.normal(), 100.0 * (1.0 - angle.cos()) + draws.normal()];
+        plots.push(plot("a", t, Reading::Position2(at)));
+        let end = if k % 2 == 0 { 0.0 } else { std::f64::consts::PI };
+        let size =
+            [30.0 + 3.0 * draws.normal(), 25.0 + 3.0 * draws.normal(), angle + end + 0.1 * draws.normal()];
+        if k % 7 != 3 {
+            plots.push(plot("a", t, Reading::Size(size)));
+        }
+    }
+    for filter in ["ekf", "ukf", "cubature", "particle", "imm-ekf"] {
+        let mut spec = spec(filter, "constant-velocity-box", 2);
+        // What goes round accelerates by 1 m/s^2.
+        spec.motion.acceleration_sd_mps2 = Some(1.0);
+        spec.motion.orientation_sd_rad_s = Some(0.15);
+        spec.filter.particles = 3000;
+        let mut tracker = spec.build(Engine::default()).unwrap();
+        for plot in &plots {
+            let row = tracker.push(plot).unwrap();
+            let t = plot.time.secs();
+            if t < 10.0 {
+                continue;
+            }
+            let [length, width, angle] = [4, 5, 6].map(|i| row.mean[i]);
+            assert!((length - 30.0).abs() < 6.0 && (width - 25.0).abs() < 6.0, "{filter} {t}: {row:?}");
+            let turned = 2.0 * (angle - 0.1 * t);
+            assert!(turned.sin().atan2(turned.cos()).abs() / 2.0 < 0.4, "{filter} {t}: {angle}");
+            // A row without a size corrects the position alone.
+            assert!((row.mean[0] - 100.0 * (0.1 * t).sin()).abs() < 8.0, "{filter} {t}: {row:?}");
+        }
+    }
+    let mut point = spec("ekf", "constant-velocity", 2).build(Engine::default()).unwrap();
+    let refused = point.push(&plots[1]).and(point.push(&plots[0])).unwrap_err();
+    assert!(refused.to_string().contains("sizes need a motion of a box"), "{refused}");
 }
 
 #[test]
@@ -435,11 +481,12 @@ proptest! {
     /// Whatever is pushed: a row or a refusal, and numbers that are numbers.
     #[test]
     fn any_plot_is_taken_or_refused(
-        steps in prop::collection::vec((0usize..7, prop::num::f64::ANY, -3.0e3..3.0e3, -4.0..4.0, -5.0..400.0), 1..25),
+        steps in prop::collection::vec((0usize..9, prop::num::f64::ANY, -3.0e3..3.0e3, -4.0..4.0, -5.0..400.0), 1..25),
         filter in 0usize..7,
+        motion in prop::sample::select(vec!["constant-velocity", "constant-velocity-box"]),
     ) {
         let names = ["ekf", "ukf", "particle", "sis", "mmpf", "imm-pf", "rb-mmpf"];
-        let mut spec = spec(names[filter], "constant-velocity", 2);
+        let mut spec = spec(names[filter], motion, 2);
         spec.filter.particles = 40;
         let mut tracker = spec.build(Engine::default()).unwrap();
         let mut time: f64 = 0.0;
@@ -452,6 +499,8 @@ proptest! {
                 3 => Reading::Range(wild),
                 4 => Reading::RangeRate(near),
                 5 => Reading::Position2([wild, near]),
+                6 => Reading::Size([near, 5.0, angle]),
+                7 => Reading::Size([near, wild, angle]),
                 _ => Reading::RangeBearing([near, wild]),
             };
             if let Ok(row) = tracker.push(&plot("a", time, reading)) {

@@ -1,6 +1,7 @@
 //! The recordings: read, merged, checked.
 
 use super::Call;
+use super::labels::{self, LabelledBox};
 use super::settings::Settings;
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
@@ -21,6 +22,12 @@ pub(super) struct Input {
     pub points: Vec<Vec<[f64; 2]>>,
     /// Which of `files` each plot is from.
     pub file_of: Vec<usize>,
+    /// Names of the frames, where each file is one.
+    pub scenes: Vec<String>,
+    /// Place of each file in `scenes`.
+    pub scene_of_file: Vec<Option<usize>>,
+    /// What others say of the objects in the frames.
+    pub labels: Vec<LabelledBox>,
     pub files: Vec<File>,
     pub counts: Counts,
     pub rejections: Vec<Rejection>,
@@ -83,6 +90,9 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
     let mut input = Input {
         plots: Vec::new(),
         file_of: Vec::new(),
+        scenes: Vec::new(),
+        scene_of_file: Vec::new(),
+        labels: Vec::new(),
         points: Vec::new(),
         files: texts.into_iter().map(|(_, file)| file).collect(),
         counts: Counts::default(),
@@ -92,16 +102,20 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         repeated: 0,
         has_height,
     };
+    let mut recordings: Vec<(usize, Recording)> = recordings.into_iter().enumerate().collect();
+    labels::take(settings, paths, &mut recordings, &mut input)?;
     let sensors = sensor_names(paths);
     // Points without any identity are of one extended target; some of them without are of nobody knows which.
-    let named = || recordings.iter().any(|recording| recording.plots.iter().any(|plot| plot.id.is_some()));
+    let named =
+        || recordings.iter().any(|(_, recording)| recording.plots.iter().any(|plot| plot.id.is_some()));
     let single = call.args.single || settings.extended.is_some() && !named();
     let mut plots: Vec<(usize, Plot)> = Vec::new();
-    for (file, recording) in recordings.into_iter().enumerate() {
+    for (file, recording) in recordings {
         let name = said(&paths[file]);
         warn_of(call.console, &name, &recording.summary.ignored);
         for mut plot in recording.plots {
-            if paths.len() > 1 && plot.sensor.is_none() {
+            // A frame is no sensor.
+            if paths.len() > 1 && plot.sensor.is_none() && input.scene_of_file[file].is_none() {
                 plot.sensor = Some(Arc::clone(&sensors[file]));
             }
             if single {
@@ -125,6 +139,10 @@ pub(super) fn read(call: &Call<'_>, settings: &Settings) -> Result<Input, Diagno
         input.out_of_order += recording.out_of_order;
         input.repeated += recording.repeated;
         input.frame = input.frame.or(recording.summary.frame);
+    }
+    if plots.is_empty() {
+        let text = format!("{}: no row is of an object", input.names());
+        return Err(Diagnostic::new(text).help("tables of labelled boxes go with the points of their frames"));
     }
     let sized = || plots.iter().any(|(_, plot)| matches!(plot.reading, Reading::Size(_)));
     if settings.options.sizes && !sized() {
@@ -162,9 +180,13 @@ fn parse(
     let mut frame: Option<LocalFrame> = None;
     for (path, (bytes, _)) in paths.iter().zip(texts) {
         let name = said(path);
-        let recording = Recording::read(&name, BufReader::new(&bytes[..]), &options)
+        let mut recording = Recording::read(&name, BufReader::new(&bytes[..]), &options)
             .map_err(|error| settings.refused_by_reader(&error))?;
-        if recording.plots.is_empty() {
+        if recording.summary.labels {
+            recording = labels::with_sizes(&name, bytes, &options)?;
+        }
+        // A frame may have no object in it.
+        if recording.plots.is_empty() && recording.summary.format != zerre_io::Format::Nuscenes {
             let text = format!("{name}: no row holds a measurement");
             return Err(Diagnostic::new(text).help("`zerre track --help` shows what a table looks like"));
         }
@@ -252,7 +274,7 @@ pub(super) fn is_there(path: &Path) -> Result<(), Diagnostic> {
 }
 
 /// A whole file, and what `run.json` says of it.
-fn whole(path: &Path) -> Result<(Vec<u8>, File), Diagnostic> {
+pub(super) fn whole(path: &Path) -> Result<(Vec<u8>, File), Diagnostic> {
     let shown = said(path);
     let unreadable = |error| Diagnostic::io("read", Path::new(&shown), &error);
     let name = path.display().to_string();

@@ -2,6 +2,7 @@
 
 mod extended;
 mod input;
+mod labels;
 mod live;
 mod outcome;
 mod report;

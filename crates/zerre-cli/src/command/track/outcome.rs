@@ -335,6 +335,10 @@ impl Outcome {
                     track.insert("points".to_owned(), json!(points));
                     track.insert("ellipses".to_owned(), json!(body.shape.len()));
                     track.insert("points_per_scan".to_owned(), json!(body.rate));
+                    if let Some((label, share)) = labelled(run, input, t) {
+                        track.insert("label".to_owned(), json!(label));
+                        track.insert("iou".to_owned(), json!(share));
+                    }
                     if let Some(rate) = body.clutter_rate {
                         track.insert("clutter_per_scan".to_owned(), json!(rate));
                     }
@@ -399,6 +403,26 @@ impl Outcome {
         }
         let gate = "the gate refused every measurement for so long that the track, not they, must be wrong";
         let lost = "the filter found no likelihood where the measurements were";
+        if !input.labels.is_empty() {
+            /// Fewer points say little of an outline.
+            const ENOUGH: usize = 5;
+            let found = self.tracks.iter().filter_map(|t| Some((t, labelled(run, input, t)?.1)));
+            let (many, shares): (Vec<bool>, Vec<f64>) = found
+                .map(|(t, share)| (t.rows.iter().all(|&row| input.points[row].len() >= ENOUGH), share))
+                .unzip();
+            let mut clear: Vec<f64> =
+                shares.iter().zip(&many).filter(|(_, many)| **many).map(|(s, _)| *s).collect();
+            clear.sort_unstable_by(f64::total_cmp);
+            let mut text = format!("{} of {ids} objects lie in a labelled box", shares.len());
+            if let Some(median) = clear.get(clear.len() / 2) {
+                text += &format!(
+                    "; of {} with at least {ENOUGH} points the median intersection over union is {}",
+                    clear.len(),
+                    number(*median)
+                );
+            }
+            lines.push(("labels", text));
+        }
         for (count, why) in [(self.locked_out, gate), (self.count(Event::Restarted) - self.locked_out, lost)]
         {
             if count > 0 {
@@ -473,6 +497,15 @@ impl Outcome {
             .collect();
         if parts.is_empty() { String::new() } else { format!(": {}", parts.join(", ")) }
     }
+}
+
+/// The label of the object that a track of one scan is of, and the share of what outline and labelled box cover that both
+/// cover.
+fn labelled<'a>(run: &Run, input: &'a Input, track: &Track) -> Option<(&'a str, f64)> {
+    let [row] = track.rows[..] else { return None };
+    let label = input.label_of(row)?;
+    let outline = super::report::outline(run, input, row, run.rows.get(row)?.as_ref()?)?;
+    Some((&label.name, outline.region.intersection_over_union(&label.region())))
 }
 
 /// ", from 0 s to 299 s (5 min)".

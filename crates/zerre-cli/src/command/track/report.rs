@@ -12,7 +12,7 @@ use zerre::Time;
 use zerre::track::{Event, Row, State, has_particles};
 use zerre_lab::metric::Region;
 use zerre_lab::report::{
-    Counts, InnovationRow, Outline, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo,
+    Counts, InnovationRow, Label, Outline, RejectedRow, Rejection, RunReport, Score, SensorReport, StateInfo,
     TrackSeries, TruthSeries, plan_svg, render,
 };
 
@@ -33,6 +33,11 @@ pub(super) fn pages(
         .iter()
         .map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned())
         .collect();
+    const NAMED: usize = 4;
+    let title = match names.len().saturating_sub(NAMED) {
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names[..NAMED].join(", ")),
+    };
     let particles = has_particles(&spec.filter.name).then(|| match spec.filter.name.as_str() {
         // Each of them under every mode.
         "mmpf" => spec.filter.particles * run.modes.len(),
@@ -58,9 +63,9 @@ pub(super) fn pages(
     };
     let first = outcome.tracks.iter().map(|t| t.start).min();
     let report = RunReport {
-        title: names.join(", "),
+        title: title.clone(),
         command: command_line(),
-        input: names.join(", "),
+        input: title,
         filter,
         motion,
         seed: call.global.seed,
@@ -76,6 +81,7 @@ pub(super) fn pages(
                     states: run.states.iter().map(|&state| info(state)).collect(),
                     particles,
                     modes: run.modes.iter().map(|mode| mode.name().to_owned()).collect(),
+                    scene: track.rows.first().and_then(|&row| input.scene_of(row)).unwrap_or(0),
                     updates: track.updates,
                     missed: track.missed,
                     outcomes: track.events.iter().map(|(event, n)| (event.name().to_owned(), *n)).collect(),
@@ -101,8 +107,12 @@ pub(super) fn pages(
             })
             .collect(),
         sensors: sensors(settings, input, outcome),
-        scenes: Vec::new(),
-        labels: Vec::new(),
+        scenes: input.scenes.clone(),
+        labels: input
+            .labels
+            .iter()
+            .map(|label| Label { name: label.name.clone(), region: label.region(), scene: label.scene })
+            .collect(),
         counts: Counts {
             read: record.counts.read,
             used: record.counts.used,
@@ -147,7 +157,7 @@ fn tiles(scores: &Scores) -> Vec<Score> {
 }
 
 /// The outline of a target after a plot, where it has one.
-fn outline(run: &Run, input: &Input, index: usize, row: &Row) -> Option<Outline> {
+pub(super) fn outline(run: &Run, input: &Input, index: usize, row: &Row) -> Option<Outline> {
     /// Standard deviations at which ellipses are drawn.
     const SDS: f64 = 2.0;
     if run.bodies.is_empty() {

@@ -392,6 +392,8 @@ words! {
         Lebl,
         /// Fixes of drones.
         Uav,
+        /// Radar points of key frames.
+        Nuscenes,
     }
 }
 words! {

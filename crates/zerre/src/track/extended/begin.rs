@@ -17,8 +17,8 @@ use crate::time::Time;
 /// More points say little more of the first shape, and cost time in each of some hundred turns.
 const MOST_POINTS: usize = 1500;
 
-/// What the first scans say of the velocity where the heading comes from it: with variances larger by this factor,
-/// because the same scans are used again.
+/// What the first scans say of the first state, where that has to be known: with variances larger by this factor, because
+/// the same scans are used again.
 const DOUBT: f64 = 4.0;
 
 /// What a track starts from. Places are from `origin` on: sums of squares of large numbers would lose the shape.
@@ -87,9 +87,19 @@ impl ExtendedSpec {
         if self.filter != super::ExtendedFilter::WindowVb {
             return Ok(Begin { at, origin, prior, shape: one, pooled, interval });
         }
-        let window = Window::new(self.motion()?, FirstTwo, prior, one, self.settings()?)?;
-        let points = few.iter().map(|(_, points)| points.len()).sum();
+        let settings = self.settings()?;
         let search = Search { floor: self.least_sd_m * self.least_sd_m, ..Search::default() };
+        if settings.clutter.is_some() {
+            // As long as the velocity is not known, the points of the next scan are taken for clutter rather than for
+            // the target's. So the path comes first, all points being the target's.
+            let all = WindowSettings { clutter: None, ..settings.clone() };
+            let path = Window::new(self.motion()?, FirstTwo, prior, one.clone(), all)?;
+            if let Some(first) = path.smoothed(at, &few, search.turns)?.states.first() {
+                prior = Gaussian::new(*first.mean(), *first.covariance() * DOUBT)?;
+            }
+        }
+        let window = Window::new(self.motion()?, FirstTwo, prior, one, settings)?;
+        let points = few.iter().map(|(_, points)| points.len()).sum();
         let found = fits(&window, at, &few, self.counts(points), &search, stream)?;
         let better = |best: Fit<4>, fit: Fit<4>| if fit.bic < best.bic { fit } else { best };
         let best = found.into_iter().reduce(better);

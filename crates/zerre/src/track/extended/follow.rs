@@ -30,6 +30,8 @@ struct Told {
     /// About the centre, as it lies in the plane.
     shape: Shape,
     intervals: Vec<[Interval; 2]>,
+    /// Covariance of the middle of the shape about the centre, m^2.
+    middle: Matrix<2, 2>,
     rate: f64,
     clutter_rate: Option<f64>,
 }
@@ -46,11 +48,14 @@ fn bounds(axes: [SemiAxis; 2]) -> [Interval; 2] {
 impl<C: Centre<4>> Tells for WindowVb<ConstantVelocity<2>, C, 4, 4> {
     fn told(&self, belief: &ExtendedBelief<4>) -> Result<Told> {
         let (at, shape) = self.placed(belief);
+        // The mean of so many points.
+        let points = belief.sums().iter().map(|sums| sums.count).sum::<f64>().max(1.0);
         let intervals = self.extents(belief)?.into_iter().map(|extent| Ok(bounds(extent.semi_axes(LEVEL)?)));
         Ok(Told {
             time: belief.time(),
             state: *belief.state(),
             at,
+            middle: shape.covariance() * (1.0 / points),
             shape,
             intervals: intervals.collect::<Result<_>>()?,
             rate: belief.rate().mean(),
@@ -67,6 +72,8 @@ impl Tells for RandomMatrix<ConstantVelocity<2>, FirstTwo, 4, 4> {
             state: belief.state,
             at: [x, y],
             shape: belief.shape()?,
+            // The centre is the middle.
+            middle: Matrix::ZERO,
             intervals: vec![bounds(belief.extent.semi_axes(LEVEL)?)],
             rate: belief.rate.mean(),
             clutter_rate: None,
@@ -91,13 +98,14 @@ struct Tracked<'a, F: Filter> {
 impl<F: Tells> Track for Tracked<'_, F> {
     fn push(&mut self, (to, points): &Scan) -> Result<ExtendedRow> {
         let points = about(points, self.origin);
-        let innovation = if self.started {
-            self.filter.step(&mut self.belief, *to, None)?;
-            self.innovation(&points)?
-        } else {
-            None
-        };
-        let update = self.filter.step(&mut self.belief, *to, Some(&points))?;
+        self.filter.step(&mut self.belief, *to, None)?;
+        let ahead = self.filter.told(&self.belief)?;
+        let innovation = if self.started { self.innovation(&ahead, &points)? } else { None };
+        let mut update = self.filter.step(&mut self.belief, *to, Some(&points))?;
+        // The filter weighs clutter against the target's points; a density of a point counts both together.
+        if let Some(clutter) = ahead.clutter_rate {
+            update.log_evidence -= points.len() as f64 * ln(1.0 + clutter / ahead.rate);
+        }
         let event = if self.started { Event::Updated } else { Event::Started };
         self.started = true;
         let told = self.filter.told(&self.belief)?;
@@ -107,13 +115,17 @@ impl<F: Tells> Track for Tracked<'_, F> {
         for k in 0..2 {
             mean[k] = told.at[k] + middle[k] + self.origin[k];
         }
+        let covariance = Matrix::<4, 4>::from_entries(|i, j| {
+            let of_shape = if i < 2 && j < 2 { told.middle.0[i][j] } else { 0.0 };
+            told.state.covariance().0[i][j] + of_shape
+        });
         let row = Row {
             id: Arc::clone(&self.id),
             time: told.time,
             event,
             update: Some(update),
             mean,
-            covariance: told.state.covariance().0.iter().flatten().copied().collect(),
+            covariance: covariance.0.iter().flatten().copied().collect(),
             modes: Vec::new(),
             innovation,
         };
@@ -126,9 +138,8 @@ impl<F: Tells> Track for Tracked<'_, F> {
 
 impl<F: Tells> Tracked<'_, F> {
     /// The mean of the points against what the belief, predicted to their time, says of it.
-    fn innovation(&self, points: &[[f64; 2]]) -> Result<Option<Innovation>> {
+    fn innovation(&self, told: &Told, points: &[[f64; 2]]) -> Result<Option<Innovation>> {
         let Some(seen) = mean(points).filter(|_| self.spec.clutter.is_none()) else { return Ok(None) };
-        let told = self.filter.told(&self.belief)?;
         let middle = told.shape.centroid();
         let apart = [0, 1].map(|k| seen[k] - told.at[k] - middle[k]);
         let state = told.state.covariance().0;

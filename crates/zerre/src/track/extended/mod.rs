@@ -121,7 +121,8 @@ pub type Interval = [f64; 2];
 /// What is known of a target after a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExtendedRow {
-    /// State and outcome. The position is the mean of a point of the shape; of the innovation, the mean of the points
+    /// State and outcome. The position is the mean of a point of the shape, and its covariance that of the centre and
+    /// of where the middle of the shape lies from there; of the innovation, the mean of the points
     /// of the scan against its prediction, there is none where points may be of no target.
     pub row: Row,
     /// The rest.
@@ -195,7 +196,7 @@ impl ExtendedSpec {
             });
         }
         let of_window = [
-            ("a rotation", self.rotation != Rotation::None),
+            ("rotation", self.rotation != Rotation::None),
             ("clutter", self.clutter.is_some()),
             ("more than one ellipse", self.ellipses.is_some_and(|ellipses| ellipses > 1)),
         ];
@@ -287,12 +288,15 @@ impl ExtendedSpec {
         let spec = ExtendedSpec { ellipses: Some(1), ..self.clone() };
         let of_all = || -> Result<f64> {
             // No ellipse is smaller than the least, and no density of a point larger than that allows.
-            let most = -LN_2PI - 2.0 * ln(self.least_sd_m.max(self.position_sd_m));
+            let most = match self.filter {
+                ExtendedFilter::WindowVb => -LN_2PI - 2.0 * ln(self.least_sd_m.max(self.position_sd_m)),
+                _ => f64::INFINITY,
+            };
             let mut sum = 0.0;
             for scans in targets {
                 for (row, (_, points)) in spec.follow("", scans)?.zip(scans) {
                     let Some(update) = row?.row.update else { continue };
-                    if update.log_evidence > most * points.len() as f64 {
+                    if !points.is_empty() && update.log_evidence > most * points.len() as f64 {
                         return Ok(f64::NEG_INFINITY);
                     }
                     sum += update.log_evidence;
