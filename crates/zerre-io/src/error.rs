@@ -27,14 +27,6 @@ pub enum Error {
         /// The refusal.
         source: std::io::Error,
     },
-    /// A row of a labelled scene that is not what it should be.
-    #[error("{file}: {source}")]
-    Scene {
-        /// The file.
-        file: String,
-        /// The row, with its line, and what is wrong with it.
-        source: csv::Error,
-    },
     /// Nothing but blank lines.
     #[error("{file}: the file is empty; a table starts with a header such as time_s,id,x_m,y_m")]
     Empty {

@@ -13,9 +13,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use zerre::Time;
 use zerre::track::Reading;
-use zerre_io::{Options, Recording, Scene};
+use zerre_io::{Options, Recording};
+use zerre_lab::metric::LabelledBox;
 use zerre_lab::paper::bayes_family::{self, BayesFamily};
-use zerre_lab::paper::extended_target::recorded::{LabelledBox, Object, Recordings};
+use zerre_lab::paper::extended_target::recorded::{Object, Recordings};
 use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
@@ -222,18 +223,53 @@ fn recordings(folder: Option<&Path>) -> Result<Recordings, Diagnostic> {
     for name in ["scene-0239", "scene-0400"] {
         let scene = folder.join("nuscenes_radar_labeled").join(name);
         if scene.is_dir() {
-            let scene = Scene::read(&scene).map_err(unreadable)?;
-            let objects = scene.clusters.into_iter().filter_map(|cluster| {
-                let of_frame = scene.boxes.iter().filter(|label| label.frame == cluster.frame);
-                let boxes: Vec<LabelledBox> = of_frame
-                    .map(|label| LabelledBox { centre: label.centre, size: label.size, yaw: label.yaw })
-                    .collect();
-                Object::matched(name, cluster.points, &boxes)
-            });
-            found.objects.get_or_insert_default().extend(objects);
+            found.objects.get_or_insert_default().extend(objects(name, &scene)?);
         }
     }
     Ok(found)
+}
+
+/// Objects of a scene with their boxes, frame by frame.
+fn objects(name: &str, folder: &Path) -> Result<Vec<Object>, Diagnostic> {
+    let sizes = Options { sizes: true, ..Options::default() };
+    let table = Recording::open(&folder.join("boxes.csv"), &sizes).map_err(unreadable)?;
+    let mut boxes: BTreeMap<u64, Vec<LabelledBox>> = BTreeMap::new();
+    let mut centre = (0, [0.0; 2]);
+    // Of each row the position comes first, then the size.
+    for plot in table.plots {
+        match plot.reading {
+            Reading::Position2(at) => centre = (plot.line, at),
+            Reading::Size([length, width, yaw]) if centre.0 == plot.line => {
+                let label = LabelledBox { centre: centre.1, size: [length, width], yaw };
+                boxes.entry(plot.scan.unwrap_or_default()).or_default().push(label);
+            }
+            _ => {}
+        }
+    }
+    let refused = |error: std::io::Error| Diagnostic::io("read", folder, &error);
+    let mut files: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        let is_frame = path.file_name().is_some_and(|file| file.to_string_lossy().starts_with("radar_"));
+        files.extend(Some(path).filter(|_| is_frame));
+    }
+    files.sort();
+    let mut all = Vec::new();
+    for file in files {
+        let recording = Recording::open(&file, &Options::default()).map_err(unreadable)?;
+        let mut clusters: BTreeMap<_, (u64, Vec<[f64; 2]>)> = BTreeMap::new();
+        for plot in recording.plots {
+            let Reading::Position2(at) = plot.reading else { continue };
+            let cluster = clusters.entry(plot.id).or_default();
+            cluster.0 = plot.scan.unwrap_or_default();
+            cluster.1.push(at);
+        }
+        let near = |frame: u64| boxes.get(&frame).map_or(&[][..], Vec::as_slice);
+        all.extend(
+            clusters.into_values().filter_map(|(frame, points)| Object::matched(name, points, near(frame))),
+        );
+    }
+    Ok(all)
 }
 
 /// The command line that gives this run again.

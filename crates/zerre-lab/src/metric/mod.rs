@@ -6,6 +6,7 @@
 mod coverage;
 mod crps;
 mod gospa;
+mod labelled_box;
 mod median_error;
 mod nees;
 mod nis;
@@ -18,6 +19,7 @@ pub use coverage::{Coverage, coverage, wilson_interval};
 pub use crps::{crps_gaussian, crps_sample};
 pub(crate) use crps::{crps_mixture, crps_sorted};
 pub use gospa::{Gospa, gospa};
+pub use labelled_box::LabelledBox;
 pub(crate) use median_error::median;
 pub use median_error::median_error;
 pub use nees::{MeanChiSquare, anees, nees};

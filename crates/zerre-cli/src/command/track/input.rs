@@ -1,7 +1,7 @@
 //! The recordings: read, merged, checked.
 
 use super::Call;
-use super::labels::{self, LabelledBox};
+use super::labels::{self, Named};
 use super::settings::Settings;
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
@@ -27,7 +27,7 @@ pub(super) struct Input {
     /// Place of each file in `scenes`.
     pub scene_of_file: Vec<Option<usize>>,
     /// What others say of the objects in the frames.
-    pub labels: Vec<LabelledBox>,
+    pub labels: Vec<Named>,
     pub files: Vec<File>,
     pub counts: Counts,
     pub rejections: Vec<Rejection>,

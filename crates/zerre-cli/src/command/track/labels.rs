@@ -8,57 +8,35 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use zerre::track::{Plot, Reading};
 use zerre_io::{Format, Options, Recording};
-use zerre_lab::metric::Region;
+use zerre_lab::metric::{LabelledBox, Region};
 
 /// Name of the table of boxes beside frames.
 const BESIDE: &str = "boxes.csv";
 
-/// A labelled box.
-pub(super) struct LabelledBox {
+/// A labelled box with its name.
+pub(super) struct Named {
     /// What it is.
     pub name: String,
     /// Place of its frame in [`Input::scenes`].
     pub scene: usize,
-    /// Its middle, m.
-    middle: [f64; 2],
-    /// Length and width, m, and the direction of the length, rad.
-    size: [f64; 3],
+    label: LabelledBox,
 }
 
-impl LabelledBox {
+impl Named {
     /// What it covers.
     pub fn region(&self) -> Region {
-        let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)];
-        Region::polygon(corners.map(|(along, across)| self.corner(along, across)).to_vec())
-    }
-
-    fn corner(&self, along: f64, across: f64) -> [f64; 2] {
-        let [length, width, angle] = self.size;
-        let (sin, cos) = angle.sin_cos();
-        let (a, b) = (0.5 * along * length, 0.5 * across * width);
-        [self.middle[0] + a * cos - b * sin, self.middle[1] + a * sin + b * cos]
-    }
-
-    /// How many of the points lie in it, grown by `by` on all sides.
-    fn holds(&self, points: &[[f64; 2]], by: f64) -> usize {
-        let [length, width, angle] = self.size;
-        let (sin, cos) = angle.sin_cos();
-        let inside = |p: &&[f64; 2]| {
-            let (x, y) = (p[0] - self.middle[0], p[1] - self.middle[1]);
-            (x * cos + y * sin).abs() <= 0.5 * length + by && (y * cos - x * sin).abs() <= 0.5 * width + by
-        };
-        points.iter().filter(inside).count()
+        Region::polygon(self.label.corners([0.0; 2]))
     }
 }
 
 impl Input {
     /// The labelled box that holds most of the points of a scan, to within a metre: radar errs by about as much. The
     /// first of several.
-    pub fn label_of(&self, plot: usize) -> Option<&LabelledBox> {
+    pub fn label_of(&self, plot: usize) -> Option<&Named> {
         const NEAR_M: f64 = 1.0;
         let scene = self.scene_of(plot)?;
         let points = self.points.get(plot)?;
-        let held = |label: &&LabelledBox| label.holds(points, NEAR_M);
+        let held = |named: &&Named| points.iter().filter(|y| named.label.holds(**y, NEAR_M)).count();
         let of_scene = self.labels.iter().filter(|label| label.scene == scene);
         of_scene.rev().max_by_key(held).filter(|label| 2 * held(label) > points.len())
     }
@@ -134,7 +112,9 @@ fn add(folder: &Path, table: Recording, frames: &BTreeMap<(PathBuf, u64), usize>
                 let scene = plot.scan.and_then(|number| frames.get(&(folder.to_owned(), number)));
                 let Some(&scene) = scene else { continue };
                 let name = plot.id.as_deref().unwrap_or_default().to_owned();
-                input.labels.push(LabelledBox { name, scene, middle, size });
+                let [length, width, yaw] = size;
+                let label = LabelledBox { centre: middle, size: [length, width], yaw };
+                input.labels.push(Named { name, scene, label });
             }
             _ => {}
         }
