@@ -157,7 +157,7 @@ fn a_box_is_followed_by_its_size() {
         }
     }
     let mut point = spec("ekf", "constant-velocity", 2).build(Engine::default()).unwrap();
-    let refused = point.push(&plots[1]).and(point.push(&plots[0])).unwrap_err();
+    let refused = point.push(&plots[0]).and_then(|_| point.push(&plots[1])).unwrap_err();
     assert!(refused.to_string().contains("sizes need a motion of a box"), "{refused}");
 }
 
