@@ -160,12 +160,16 @@ Examples:
   zerre track radar.csv --config track.toml --explain
   zerre track plots.csv --truth truth.csv --json
   zerre track fixes.csv --single --filter particle --motion constant-velocity
+  zerre track points.csv --config extended.toml        many points a scan: learn the shape, too
+  zerre track radar_0400_*.csv --config extended.toml  frames of nuScenes, with boxes.csv beside them
+  zerre track smr.csv --motion constant-velocity-box   length, width and orientation, too
   zcat day.csv.gz | zerre track - > rows.csv
 
 Input is a table with a header whose names carry units: time_s or time (RFC 3339), then
 x_m y_m | range_m bearing_deg | lat_deg lon_deg ..., and id where targets are identified.
-Outputs in --out: tracks.csv, tracks.parquet, tracks.geojson (geographic input), report.html,
-plan.svg, run.json. Standard input without --json gives rows on standard output and run.json;
+A configuration with the section [extended] makes rows of one id and one time the points of one scan.
+Outputs in --out: tracks.csv, tracks.parquet, shapes.csv (extended targets), tracks.geojson
+(geographic input), report.html, plan.svg, run.json. Standard input without --json gives rows on standard output and run.json;
 noises that nobody gives are learnt from its first 200 measurements, and no row leaves before.";
 
 /// Follow targets in recorded measurements

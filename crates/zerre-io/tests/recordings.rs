@@ -85,6 +85,61 @@ fn surface_radar() {
     assert!((range * bearing.cos() - 285.0).abs() < 1.0 && (range * bearing.sin() - 1020.0).abs() < 1.0);
 }
 
+/// Every position of the radar comes with a size, where sizes are asked for.
+#[test]
+fn surface_radar_with_sizes() {
+    let Some(file) = recording("lebl_smr/lebl_smr_28800_30600.csv") else { return };
+    let r = Recording::open(&file, &Options { sizes: true, ..Options::default() }).unwrap();
+    let sizes = r.plots.iter().filter(|p| matches!(p.reading, Reading::Size(_))).count();
+    assert_eq!((r.summary.counts.used, sizes, r.plots.len()), (8261, 8261, 2 * 8261));
+    // Line 5: 42 m by 29 m, 64.6875 degrees clockwise from north.
+    let size = r.plots.iter().find(|p| p.line == 5 && matches!(p.reading, Reading::Size(_))).unwrap();
+    let Reading::Size([length, width, orientation]) = size.reading else { panic!("a size") };
+    assert_eq!((length, width), (42.0, 29.0));
+    assert!((orientation - 25.3125_f64.to_radians()).abs() < 1e-12, "{orientation}");
+}
+
+#[test]
+fn lidar_points() {
+    let Some(r) = read("metu_lidar_vehicle/points.csv") else { return };
+    assert_eq!((r.summary.format, r.summary.counts.used, r.out_of_order), (Format::Csv, 5946, 0));
+    let times: BTreeSet<_> = r.plots.iter().map(|p| p.time).collect();
+    assert_eq!((times.len(), times.first().unwrap().nanos()), (49, 100_000_000));
+}
+
+#[test]
+fn labelled_frames() {
+    let Some(folder) = recording("nuscenes_radar_labeled/scene-0400") else { return };
+    let (mut points, mut objects) = (0, BTreeSet::new());
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        let r = Recording::open(&path, &Options::default()).unwrap();
+        assert_eq!(r.summary.format, Format::Nuscenes);
+        if !r.summary.labels {
+            points += r.summary.counts.read;
+            objects.extend(r.plots.into_iter().filter_map(|p| p.id));
+        } else {
+            assert_eq!(r.summary.counts.used, 218, "boxes");
+        }
+    }
+    // The recording's description: 1084 points; 1061 of them of objects.
+    assert_eq!((points, objects.len()), (1084, 169));
+}
+
+#[test]
+fn the_small_turning_body_of_the_repository() {
+    let r = Recording::open(&workspace().join("data/turning.csv"), &Options::default()).unwrap();
+    let truth = Trajectories::open(&workspace().join("data/turning_truth.csv"), &Options::default()).unwrap();
+    let way = &truth.by_id[""];
+    assert_eq!(way.points().len(), 50);
+    for p in &r.plots {
+        let Reading::Position2([x, y]) = p.reading else { panic!("a position") };
+        let [tx, ty, _] = way.at(p.time, Span::ZERO).unwrap();
+        // From the middle of the points the far end of the side is 7.8 m away, and errors are of .15 m.
+        assert!((x - tx).hypot(y - ty) < 9.0, "line {}", p.line);
+    }
+}
+
 #[test]
 fn multilateration() {
     let Some(r) = read("lebl_smr/lebl_mlat_28800_30600.csv") else { return };

@@ -76,6 +76,74 @@ fn without_its_elevation_a_slant_range_is_a_sphere() {
     assert_eq!((deep.summary.counts.used, deep.repeated), (3, 0));
 }
 
+/// Sizes are for those who ask, and whole or not there: a missing cell leaves the position.
+#[test]
+fn sizes_are_read_where_they_are_asked_for() {
+    let table =
+        "time_s,x_m,y_m,length_m,width_m,heading_deg\n0,1,2,30,25,90\n1,1,2,30,,90\n2,1,2,30,-25,90\n";
+    let options = Options { sizes: true, max_rejected: 1.0, ..Options::default() };
+    let sized = Recording::read("in.csv", table.as_bytes(), &options).unwrap();
+    let at = Reading::Position2([1.0, 2.0]);
+    assert_eq!(readings(&sized)[..1], [at]);
+    let Reading::Size([length, width, orientation]) = sized.plots[1].reading else { panic!("a size") };
+    // Ninety degrees clockwise from north is along x.
+    assert_eq!((length, width), (30.0, 25.0));
+    assert!(orientation.abs() < 1e-15);
+    assert_eq!(readings(&sized)[2..], [at]);
+    let counts = &sized.summary.counts;
+    assert_eq!((counts.used, counts.missing, counts.rejected["negative length"]), (2, 1, 1));
+    let plain = read(table).unwrap();
+    assert_eq!(readings(&plain), [at; 3]);
+    let names: Vec<&str> = plain.summary.ignored.iter().map(|ignored| ignored.column.as_str()).collect();
+    assert_eq!(names, ["length_m", "width_m", "heading_deg"]);
+    // Units that are not known are nobody's business then, and an error where sizes are wanted.
+    let feet = "time_s,x_m,y_m,length_ft\n0,1,2,30\n";
+    assert!(read(feet).is_ok());
+    let refused = Recording::read("in.csv", feet.as_bytes(), &options).unwrap_err();
+    assert!(matches!(refused, Error::UnknownUnit { .. }), "{refused}");
+    for (header, needs) in [
+        ("length_m", "width_m and an orientation"),
+        ("length_m,width_m", "an orientation"),
+        ("heading_rad", "width_m"),
+    ] {
+        let cells = vec!["1"; header.split(',').count()].join(",");
+        let lonely = format!("time_s,x_m,y_m,{header}\n0,1,2,{cells}\n");
+        let refused = Recording::read("in.csv", lonely.as_bytes(), &options).unwrap_err();
+        assert!(refused.to_string().contains(needs), "{refused}");
+    }
+}
+
+#[test]
+fn seconds_have_two_names() {
+    let recording = read("t_s,x_m,y_m\n0.099999999999978328,1,2\n").unwrap();
+    assert_eq!(recording.plots[0].time.nanos(), 100_000_000);
+    assert!(matches!(read("t_s,time_s,x_m,y_m\n0,0,1,2\n"), Err(Error::DuplicateColumn { .. })));
+}
+
+/// Frames have no times of their own: the name of the file, or a column, counts them.
+#[test]
+fn frames_are_told_from_the_name_of_the_file() {
+    let points = "y,x,velocity,motion,time,label\n2,1,3.5,0,0.01,4\n5,4,3.5,0,0.01,-1\n";
+    let read = |name: &str| Recording::read(name, points.as_bytes(), &Options::default());
+    let frame = read("scene/radar_0400_07.csv").unwrap();
+    assert_eq!((frame.summary.format, frame.summary.labels), (Format::Nuscenes, false));
+    let [only] = &frame.plots[..] else { panic!("one point of an object") };
+    assert_eq!((only.time.secs(), only.scan, only.id.as_deref()), (3.5, Some(7), Some("0400_07/4")));
+    assert_eq!(only.reading, Reading::Position2([1.0, 2.0]));
+    assert_eq!(frame.summary.counts.left_out["of no object"], 1);
+    assert!(frame.summary.ignored.is_empty());
+    assert!(matches!(read("radar.csv"), Err(Error::NoFrame { .. })));
+
+    let boxes = "frame,token,name,cx_m,cy_m,cz_m,width_m,length_m,height_m,qw,qx,qy,qz,yaw_rad\n\
+                 07,t,car,1,2,0,1.8,4.5,1.5,1,0,0,0,0.5\n,t,car,1,2,0,1.8,4.5,1.5,1,0,0,0,0.5\n";
+    let options = Options { sizes: true, max_rejected: 1.0, ..Options::default() };
+    let labels = Recording::read("boxes.csv", boxes.as_bytes(), &options).unwrap();
+    assert!(labels.summary.labels);
+    assert_eq!(readings(&labels), [Reading::Position2([1.0, 2.0]), Reading::Size([4.5, 1.8, 0.5])]);
+    assert_eq!((labels.plots[1].scan, labels.plots[1].id.as_deref()), (Some(7), Some("car")));
+    assert_eq!(labels.summary.counts.rejected["no frame"], 1);
+}
+
 #[test]
 fn geographic_positions_become_local() {
     let table =
