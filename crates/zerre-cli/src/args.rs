@@ -263,6 +263,7 @@ Examples:
   zerre reproduce multiple-model --table 6.1 --table 6.13
   zerre reproduce bayes-family --table ungm         one world
   zerre reproduce extended-target --runs 200        narrower intervals
+  zerre reproduce swarm --table variants            a table that is computed only on request
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
 Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval,
@@ -275,7 +276,7 @@ done and what --resume goes on from.";
 pub struct Reproduce {
     /// A name of `zerre catalog papers`
     pub paper: Option<String>,
-    /// Only these tables, and what they need [default: all]
+    /// Only these tables, and what they need [default: all but those on request]
     #[arg(long, value_name = "T", requires = "paper")]
     pub table: Vec<String>,
     /// Runs of each cell [default: the paper's; 20 with --quick]
@@ -283,7 +284,7 @@ pub struct Reproduce {
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
     /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's,
-    /// separated by commas; one for extended-target
+    /// separated by commas; one for extended-target, none for swarm
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,

@@ -20,6 +20,7 @@ use zerre_lab::paper::extended_target::recorded::{Object, Recordings};
 use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
+use zerre_lab::paper::swarm::{self, SwarmFilters};
 use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::study::experiment::{Experiment, SettingsFile};
 
@@ -35,6 +36,8 @@ pub(super) fn run(args: &Reproduce, options: &Global, console: &Console) -> Resu
         bayes_family(args, options, console)
     } else if name == extended_target::PAPER.name {
         extended_target(args, options, console)
+    } else if name == swarm::PAPER.name {
+        swarm(args, options, console)
     } else {
         multiple_model(args, options, console)
     }
@@ -71,7 +74,7 @@ fn list(console: &Console) -> Result<Exit, Diagnostic> {
     if console.json() {
         let papers = PAPERS
             .iter()
-            .map(|p| json!({ "name": p.name, "about": p.about, "source": p.source, "tables": p.tables }));
+            .map(|p| json!({ "name": p.name, "about": p.about, "source": p.source, "tables": p.tables, "on_request": p.on_request }));
         console.document(&json!({ "papers": papers.collect::<Vec<_>>() }))?;
         return Ok(Exit::Done);
     }
@@ -86,6 +89,9 @@ fn list(console: &Console) -> Result<Exit, Diagnostic> {
             paper.source,
             paper.tables.join(" ")
         );
+        if !paper.on_request.is_empty() {
+            let _ = writeln!(text, "  only on request: {}", paper.on_request.join(" "));
+        }
     }
     console.result(&text)?;
     Ok(Exit::Done)
@@ -188,6 +194,27 @@ fn extended_target(args: &Reproduce, options: &Global, console: &Console) -> Res
     let recordings = recordings(args.data.as_deref())?;
     let experiment = ExtendedTarget::new(request, recordings, options.seed);
     reproduce(paper, &experiment, extended_target::SETTINGS, what, (args, options), console)
+}
+
+fn swarm(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let paper = &swarm::PAPER;
+    let mut request = swarm::Request::new(args.quick);
+    if !args.table.is_empty() {
+        let names: Vec<_> = paper.tables.iter().chain(paper.on_request).copied().collect();
+        let known = |name: &String| swarm::Request::table(name).ok_or_else(|| unknown("table", name, &names));
+        request.tables = args.table.iter().map(known).collect::<Result<_, _>>()?;
+    }
+    if let Some(runs) = args.runs {
+        request.runs = runs.get() as usize;
+    }
+    if !args.particles.is_empty() {
+        let what = format!("{} has filters of many sizes, which --particles does not change", paper.name);
+        return Err(Diagnostic::usage(what).help("leave it out"));
+    }
+    let config = json!({ "tables": request.tables });
+    let what = (request.runs, config);
+    let experiment = SwarmFilters::new(request, options.seed);
+    reproduce(paper, &experiment, swarm::SETTINGS, what, (args, options), console)
 }
 
 fn unreadable(error: zerre_io::Error) -> Diagnostic {

@@ -3,6 +3,7 @@
 pub mod bayes_family;
 pub mod extended_target;
 pub mod multiple_model;
+pub mod swarm;
 
 /// One paper, as lists show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +16,16 @@ pub struct Paper {
     pub source: &'static str,
     /// Tables that can be asked for singly.
     pub tables: &'static [&'static str],
+    /// Tables that are computed only where they are asked for.
+    pub on_request: &'static [&'static str],
 }
 
 /// The papers whose experiments are here.
-pub const PAPERS: &[Paper] = &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER];
+pub const PAPERS: &[Paper] =
+    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER];
+
+/// With a capital letter.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

@@ -1,6 +1,7 @@
 //! A study on one page: what was asked, tables with intervals, line charts. It needs no network and no script.
 
 use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, readable};
+use crate::study::interval::Estimate;
 use crate::study::table::Entry;
 use std::fmt::Write as _;
 
@@ -87,6 +88,13 @@ impl From<Option<f64>> for Shown {
     }
 }
 
+impl From<Option<Estimate>> for Shown {
+    fn from(estimate: Option<Estimate>) -> Shown {
+        let Some(Estimate { value, low, high }) = estimate else { return None::<f64>.into() };
+        Shown { aside: format!("{} to {}", readable(low), readable(high)), ..Shown::from(value) }
+    }
+}
+
 impl From<&Entry> for Shown {
     fn from(entry: &Entry) -> Shown {
         match entry {
@@ -137,6 +145,8 @@ pub struct Series {
     pub name: String,
     /// Its points; those that are not finite interrupt it.
     pub points: Vec<[f64; 2]>,
+    /// Low and high at each point, shaded between: an interval about the line. Empty for none.
+    pub band: Vec<[f64; 2]>,
     /// Drawn as dots.
     pub dots: bool,
     /// Drawn thin and dotted, in the colour of the text: what the others are compared with.
@@ -310,9 +320,10 @@ fn log10(value: f64) -> f64 {
 fn figure(out: &mut String, figure: &Figure) {
     let lines = |k: usize| figure.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
     let all = |k: usize| lines(k).chain(figure.marks.iter().map(move |mark| mark.at[k]));
+    let bands = figure.series.iter().flat_map(|s| s.band.iter().flatten().copied());
     let margin = if figure.map || !figure.marks.is_empty() { 0.05 } else { 0.0 };
     let mut x = Scale::over(all(0), margin, figure.logarithmic_x);
-    let mut y = Scale::over(all(1), 0.06, figure.logarithmic);
+    let mut y = Scale::over(all(1).chain(bands), 0.06, figure.logarithmic);
     let wide = WIDTH - LEFT - RIGHT;
     let high = if figure.map {
         // As flat or as tall as what it shows, within reason.
@@ -382,6 +393,12 @@ fn figure(out: &mut String, figure: &Figure) {
             (false, true) => "reference",
             (false, false) => "mean",
         };
+        if !series.band.is_empty() {
+            let edge =
+                |k: usize| series.points.iter().zip(&series.band).map(move |(p, band)| at([p[0], band[k]]));
+            let around = edge(0).chain(edge(1).rev()).filter(|p| p.iter().all(|v| v.is_finite()));
+            let _ = write!(out, "<path class=\"band\" style=\"{colour}\" d=\"{}Z\"/>", path(around));
+        }
         let points = series.points.iter().map(|p| at(*p));
         let d = if series.dots { dots(points) } else { path(points) };
         let _ =
@@ -492,7 +509,7 @@ mod tests {
                 tables: vec![Grid {
                     caption: "numbers".into(),
                     head: vec!["x".into(), "y".into()],
-                    rows: vec![vec!["a".into(), doubtful.clone()], vec![None.into(), doubtful]],
+                    rows: vec![vec!["a".into(), doubtful.clone()], vec![None::<f64>.into(), doubtful]],
                 }],
             }],
             ..StudyReport::default()

@@ -110,6 +110,14 @@ pub fn median(values: &[f64], picked: &[usize]) -> f64 {
     }
 }
 
+/// Smallest of the picked values that at least this share of them does not exceed; NaN of none.
+pub fn quantile(values: &[f64], picked: &[usize], share: f64) -> f64 {
+    let mut sorted: Vec<f64> = picked.iter().map(|i| values[*i]).collect();
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let at = ((share * sorted.len() as f64).ceil() as usize).saturating_sub(1).min(last);
+    *sorted.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
 /// A paired comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paired {
@@ -221,5 +229,14 @@ mod tests {
         assert_eq!(median(&values, &[0, 1, 2]), 3.0);
         assert_eq!(median(&values, &[0, 1, 2, 3]), 2.5);
         assert!(median(&values, &[]).is_nan());
+        // Of twenty values one is 5 %, of the four above one is a quarter.
+        let many: Vec<f64> = (0..20).map(f64::from).rev().collect();
+        let all: Vec<usize> = (0..20).collect();
+        assert_eq!(
+            [0.0, 0.05, 0.06, 0.95, 1.0].map(|p| quantile(&many, &all, p)),
+            [0.0, 0.0, 1.0, 18.0, 19.0]
+        );
+        assert_eq!(quantile(&values, &[0, 1, 2, 3], 0.25), 1.0);
+        assert!(quantile(&values, &[], 0.5).is_nan());
     }
 }

@@ -1,7 +1,7 @@
 //! The page of a study.
 
 use super::comparison::{Comparison, Entry, Measured, fronts, scheme, trigger};
-use super::interval::{Estimate, mean_interval};
+use super::interval::mean_interval;
 use super::spec::Metric;
 use super::world::Place;
 use crate::report::study::{Figure, Grid, Mark, Section, Shown, StudyReport};
@@ -111,7 +111,7 @@ impl Comparison {
             row.extend(self.metrics.iter().map(|metric| {
                 let of = Comparison::metric(*metric).1;
                 let values: Vec<f64> = measured.runs.iter().filter_map(|run| of(run)).collect();
-                shown(mean_interval(&values))
+                mean_interval(&values).into()
             }));
             let failed = measured.runs.iter().filter(|run| run.degenerate > 0 || run.lost > 0).count();
             let share = (!measured.runs.is_empty()).then(|| failed as f64 / measured.runs.len() as f64);
@@ -188,10 +188,4 @@ fn told(place: &Place) -> String {
         text += &format!(", {steps} steps");
     }
     text
-}
-
-fn shown(estimate: Option<Estimate>) -> Shown {
-    let Some(Estimate { value, low, high }) = estimate else { return None.into() };
-    let aside = format!("{} to {}", Shown::from(low).text, Shown::from(high).text);
-    Shown { aside, ..Shown::from(value) }
 }

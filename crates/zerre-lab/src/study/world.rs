@@ -87,7 +87,7 @@ const STREAM: u64 = 0x776f_726c_6473;
 const TRUTH: u64 = 1;
 
 /// A number for a name (FNV-1a).
-pub(super) fn label(name: &str) -> u64 {
+pub(crate) fn label(name: &str) -> u64 {
     name.bytes()
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -158,6 +158,41 @@ pub trait Visit {
         H: GaussianMeasurement<N, M> + Measurement<N, Value = [f64; M]> + Clone;
 }
 
+/// What is to be done with a problem of one component.
+pub trait VisitScalar {
+    /// What comes of it.
+    type Out;
+
+    /// Does it.
+    fn visit<A, H>(self, problem: &Problem<A, H, 1>) -> Result<Self::Out>
+    where
+        A: Motion<1, 1> + Clone,
+        H: GaussianMeasurement<1, 1> + Measurement<1, Value = [f64; 1]> + Clone;
+}
+
+/// What can be done with any problem can be done with one of one component.
+struct Scalar<V>(V);
+
+impl<V: Visit> VisitScalar for Scalar<V> {
+    type Out = V::Out;
+
+    fn visit<A, H>(self, problem: &Problem<A, H, 1>) -> Result<V::Out>
+    where
+        A: Motion<1, 1> + Clone,
+        H: GaussianMeasurement<1, 1> + Measurement<1, Value = [f64; 1]> + Clone,
+    {
+        self.0.visit::<A, H, 1, 1, 1>(problem)
+    }
+}
+
+/// The process noise or the measurement noise of a world whose models fix it, given another.
+fn fixed(place: &Place, noise: Option<f64>, what: &str) -> Result<()> {
+    match noise {
+        None => Ok(()),
+        Some(_) => Err(Error::Unsupported(format!("the {what} of the world {} is its own", place.world))),
+    }
+}
+
 /// Hands the problem of `place` to `visit`.
 ///
 /// # Errors
@@ -166,21 +201,6 @@ pub fn with_problem<V: Visit>(place: &Place, visit: V) -> Result<V::Out> {
     let steps = |own: usize| place.steps.unwrap_or(own);
     let measured = |own: f64| place.measurement_variance.unwrap_or(own);
     let moved = |own: f64| place.process_variance.unwrap_or(own);
-    let fixed = |noise: Option<f64>, what: &str| match noise {
-        None => Ok(()),
-        Some(_) => Err(Error::Unsupported(format!("the {what} of the world {} is its own", place.world))),
-    };
-    let growth = |variance: f64, own: usize| {
-        fixed(place.process_variance, "process noise")?;
-        Ok(Problem {
-            motion: motion::UpfGrowth::new(3.0, 2.0)?,
-            sensor: measurement::UpfGrowth::new(measured(variance))?,
-            prior: Gaussian::independent([1.0], [0.75f64.sqrt()])?,
-            start: Some([1.0]),
-            steps: steps(own),
-            shown: 1,
-        })
-    };
     match place.world {
         "linear" => visit.visit::<_, _, 4, 4, 2>(&Problem {
             motion: ConstantVelocity::<2>::new(moved(0.02))?,
@@ -189,18 +209,6 @@ pub fn with_problem<V: Visit>(place: &Place, visit: V) -> Result<V::Out> {
             start: None,
             steps: steps(50),
             shown: 2,
-        }),
-        "growth-q1" => visit.visit::<_, _, 1, 1, 1>(&growth(1.0, 50)?),
-        "growth-q3" => visit.visit::<_, _, 1, 1, 1>(&growth(3.0, 50)?),
-        "growth-q6" => visit.visit::<_, _, 1, 1, 1>(&growth(6.0, 50)?),
-        "upf" => visit.visit::<_, _, 1, 1, 1>(&growth(1e-5, 60)?),
-        "ungm" => visit.visit::<_, _, 1, 1, 1>(&Problem {
-            motion: motion::Growth::new(moved(10.0))?,
-            sensor: measurement::Growth::new(measured(1.0))?,
-            prior: Gaussian::independent([0.0], [5f64.sqrt()])?,
-            start: None,
-            steps: steps(50),
-            shown: 1,
         }),
         "bearings-only" => visit.visit::<_, _, 4, 2, 1>(&Problem {
             motion: DiscreteVelocity::<2>::new(positive("variance of the motion", moved(1e-6))?.sqrt())?,
@@ -225,7 +233,7 @@ pub fn with_problem<V: Visit>(place: &Place, visit: V) -> Result<V::Out> {
             shown: 1,
         }),
         "radar" => {
-            fixed(place.measurement_variance, "measurement noise")?;
+            fixed(place, place.measurement_variance, "measurement noise")?;
             visit.visit::<_, _, 4, 4, 2>(&Problem {
                 motion: ConstantVelocity::<2>::new(moved(0.05))?,
                 sensor: RangeBearing::new([-6.0, 12.0], 0.1, 0.01)?,
@@ -235,8 +243,51 @@ pub fn with_problem<V: Visit>(place: &Place, visit: V) -> Result<V::Out> {
                 shown: 2,
             })
         }
-        other => Err(Error::Unsupported(format!("there is no world `{other}`"))),
+        _ => with_growth(place, Scalar(visit)),
     }
+}
+
+/// Hands the problem of a world of growth to `visit`: `growth-q1`, `growth-q3`, `growth-q6`, `upf` or `ungm`, each of
+/// one component. What is compared in these alone need not be compiled for the others.
+///
+/// # Errors
+/// As [`with_problem`], and any other world.
+pub fn with_growth<V: VisitScalar>(place: &Place, visit: V) -> Result<V::Out> {
+    let steps = |own: usize| place.steps.unwrap_or(own);
+    let measured = |own: f64| place.measurement_variance.unwrap_or(own);
+    let growth = |variance: f64, own: usize| {
+        fixed(place, place.process_variance, "process noise")?;
+        let motion = motion::UpfGrowth::new(3.0, 2.0)?;
+        upf_growth(motion, measurement::UpfGrowth::new(measured(variance))?, steps(own))
+    };
+    match place.world {
+        "growth-q1" => visit.visit(&growth(1.0, 50)?),
+        "growth-q3" => visit.visit(&growth(3.0, 50)?),
+        "growth-q6" => visit.visit(&growth(6.0, 50)?),
+        "upf" => visit.visit(&growth(1e-5, 60)?),
+        "ungm" => visit.visit(&Problem {
+            motion: motion::Growth::new(place.process_variance.unwrap_or(10.0))?,
+            sensor: measurement::Growth::new(measured(1.0))?,
+            prior: Gaussian::independent([0.0], [5f64.sqrt()])?,
+            start: None,
+            steps: steps(50),
+            shown: 1,
+        }),
+        other => Err(Error::Unsupported(format!("there is no world `{other}` here"))),
+    }
+}
+
+/// The growth of the unscented particle filter's benchmark, from 1 on, filters knowing that with a variance of 3/4.
+///
+/// # Errors
+/// None: the prior is a law.
+pub fn upf_growth(
+    motion: motion::UpfGrowth,
+    sensor: measurement::UpfGrowth,
+    steps: usize,
+) -> Result<Problem<motion::UpfGrowth, measurement::UpfGrowth, 1>> {
+    let prior = Gaussian::independent([1.0], [0.75f64.sqrt()])?;
+    Ok(Problem { motion, sensor, prior, start: Some([1.0]), steps, shown: 1 })
 }
 
 fn positive(what: &'static str, value: f64) -> Result<f64> {

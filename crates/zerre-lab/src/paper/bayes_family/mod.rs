@@ -35,6 +35,7 @@ pub const PAPER: Paper = Paper {
         "2.1",
         "2.2",
     ],
+    on_request: &[],
 };
 
 /// The file of settings.

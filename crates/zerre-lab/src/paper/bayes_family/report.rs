@@ -1,5 +1,6 @@
 //! The page.
 
+use super::super::sentence;
 use super::settings::{AS_GOOD, AS_HONEST, BROKEN, CHOICE_SEED, LOST_NATS, LOST_SDS, TRUTHS, WORLDS};
 use super::tables::{CLAIMS, Measured, Results};
 use super::{Cell, place_of};
@@ -214,7 +215,7 @@ impl Results<'_> {
                     found.failures,
                     found.microseconds,
                 ]
-                .map(shown),
+                .map(Shown::from),
             );
             row
         });
@@ -330,18 +331,6 @@ fn priced(found: &Measured) -> String {
     found
         .microseconds
         .map_or_else(|| "not timed".to_owned(), |e| format!("{} µs a step", Shown::from(e.value).text))
-}
-
-fn shown(estimate: Option<Estimate>) -> Shown {
-    let Some(Estimate { value, low, high }) = estimate else { return None.into() };
-    let aside = format!("{} to {}", Shown::from(low).text, Shown::from(high).text);
-    Shown { aside, ..Shown::from(value) }
-}
-
-/// With a capital letter.
-fn sentence(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 fn percent(share: f64) -> String {

@@ -40,6 +40,7 @@ pub const PAPER: Paper = Paper {
     about: "a target of three ellipses whose shape is learnt while it is tracked: shape, overlap, path, clutter",
     source: "E. Özkan, Çukurova University Journal of the Faculty of Engineering and Architecture 34(1), 145-154, 2019",
     tables: &["scene", "clutter", "rate", RECORDED],
+    on_request: &[],
 };
 
 /// The file of settings.

@@ -298,12 +298,10 @@ fn introduction(interrupted: bool) -> Section {
 }
 
 fn shown(metric: &str, estimate: Option<interval::Estimate>) -> Shown {
-    let Some(estimate) = estimate else { return None.into() };
-    if metric == "fail" {
-        return percents(estimate);
+    match estimate.filter(|_| metric == "fail") {
+        Some(share) => percents(share),
+        None => estimate.into(),
     }
-    let aside = format!("{} to {}", Shown::from(estimate.low).text, Shown::from(estimate.high).text);
-    Shown { aside, ..Shown::from(estimate.value) }
 }
 
 fn percents(interval::Estimate { value, low, high }: interval::Estimate) -> Shown {

@@ -33,6 +33,7 @@ pub const PAPER: Paper = Paper {
         "6.1", "6.2", "6.3", "6.4", "6.5", "6.6", "6.7", "6.8", "6.9", "6.10", "6.11", "6.12", "6.13",
         "readings", "beyond", "paired", "saving",
     ],
+    on_request: &[],
 };
 
 /// A table that can be asked for.

@@ -166,7 +166,13 @@ impl Results<'_> {
             .map(|(name, outcome)| Series { name, points: outcome.track.clone(), ..Series::default() })
             .collect();
         series.push(Series { name: "target".into(), points: truth, reference: true, ..Series::default() });
-        series.push(Series { name: "observer".into(), points: observer, dots: true, reference: true });
+        series.push(Series {
+            name: "observer".into(),
+            points: observer,
+            dots: true,
+            reference: true,
+            ..Series::default()
+        });
         Figure {
             title: format!("Target and tracks of the first run, noise {}", NOISES[SHOWN_NOISE]),
             x: "x (km)".into(),
