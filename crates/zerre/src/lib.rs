@@ -17,6 +17,7 @@ pub mod proposal;
 pub mod resample;
 pub mod rng;
 pub mod smooth;
+pub mod swarm;
 pub mod time;
 pub mod track;
 

@@ -2,7 +2,7 @@
 
 use crate::belief::Gaussian;
 use crate::error::{Error, Result};
-use crate::kernels::{BLOCK, BlockSums, Simd, Threads, Total};
+use crate::kernels::{self, BLOCK, BlockSums, Simd, Threads, Total};
 use crate::math::{Matrix, Real};
 use crate::resample::{BlockWeights, Context, Resampling, Scratch};
 use crate::rng::Stream;
@@ -207,6 +207,29 @@ impl<const N: usize> Cloud<N> {
             *sums = uniform_block(&self.states, b * BLOCK..((b + 1) * BLOCK).min(n));
         }
         (self.equal, self.pending, self.log_sum) = (true, false, Real::ln(n as f64));
+    }
+
+    /// Makes the scores log-weights, up to a common constant, that the particles show; returns their sums.
+    pub(crate) fn weigh(&mut self, simd: Simd) -> Total<N> {
+        let n = self.len();
+        for (b, sums) in self.blocks.iter_mut().enumerate() {
+            let range = b * BLOCK..((b + 1) * BLOCK).min(n);
+            let states = self.states.each_ref().map(|c| &c[range.clone()]);
+            *sums = kernels::weigh(
+                simd,
+                None,
+                &mut self.scores[range.clone()],
+                &states,
+                &mut self.weights[range],
+            );
+        }
+        self.total()
+    }
+
+    /// Lets the weights that the scores were made into enter the next step; `log_sum` is that of their sum.
+    pub(crate) fn keep_weights(&mut self, log_sum: f64) {
+        std::mem::swap(&mut self.log_weights, &mut self.scores);
+        (self.equal, self.pending, self.log_sum) = (false, false, log_sum);
     }
 
     /// Draws `children` survivors by the weights, whose sums are `total`; they are gathered when the next step

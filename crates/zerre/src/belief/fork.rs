@@ -1,6 +1,8 @@
 //! Copies that go their own ways.
 
-use super::{Cloud, GaussianBelief, GridBelief, Hypotheses, ModalCloud, ModalGaussian, MovedCloud};
+use super::{
+    Cloud, GaussianBelief, GridBelief, Hypotheses, ModalCloud, ModalGaussian, MovedCloud, SwarmBelief,
+};
 use crate::filter::ModalBelief;
 
 /// A belief of which several copies go on from the same measurements.
@@ -28,6 +30,7 @@ macro_rules! fork {
 fork! {
     Cloud by Cloud::fork;
     MovedCloud by MovedCloud::fork;
+    SwarmBelief by SwarmBelief::fork;
     ModalCloud by ModalCloud::fork;
     ModalBelief by ModalBelief::fork;
     Hypotheses by Hypotheses::fork;

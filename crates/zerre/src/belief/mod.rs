@@ -9,6 +9,7 @@ mod modal;
 mod modal_cloud;
 mod moved;
 mod paced;
+mod swarm;
 
 pub use cloud::{Cloud, MAX_PARTICLES};
 pub(crate) use cloud::{
@@ -23,6 +24,7 @@ pub use modal::ModalGaussian;
 pub(crate) use modal::matched;
 pub use modal_cloud::ModalCloud;
 pub(crate) use modal_cloud::{SavedModalCloud, Segment};
-pub use moved::MovedCloud;
-pub(crate) use moved::Proposals;
+pub use moved::{MovedCloud, Pull};
+pub(crate) use moved::{Proposals, moments};
 pub use paced::PacedCloud;
+pub use swarm::SwarmBelief;

@@ -2,7 +2,9 @@
 
 use crate::belief::Cloud;
 use crate::kernels::{Simd, Source, Survivors, gather};
+use crate::model::{Motion, TransitionDensity};
 use crate::moves::{Frozen, Moved};
+use crate::swarm::{Forecast, Memory, Swarm};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 
@@ -17,8 +19,18 @@ pub struct MovedCloud<const N: usize> {
     pub(crate) spare: [Vec<f64>; N],
     /// Log-density of each particle under the law that it is moved by.
     pub(crate) densities: Vec<f64>,
+    /// Log-likelihood of each particle.
+    pub(crate) likelihoods: Vec<f64>,
     pub(crate) frozen: Frozen<N>,
     pub(crate) moved: Moved,
+    /// What the moves of the last step did to the particles as a whole.
+    pub(crate) pull: Option<Pull<N>>,
+    /// The particles before the step, as far as a density of what they foretell is needed.
+    pub(crate) forecast: Forecast<N>,
+    /// Where a swarm stands, as kernels about its points.
+    pub(crate) about: Forecast<N>,
+    /// Memory of a swarm.
+    pub(crate) swarm: Memory,
     /// Proposals of a chain: states, log-likelihoods, and rows of their parents; empty in filters without
     /// one.
     pub(crate) proposals: Proposals<N>,
@@ -44,8 +56,13 @@ impl<const N: usize> MovedCloud<N> {
             parents: from_fn(|_| vec![0.0; n]),
             spare: from_fn(|_| vec![0.0; n]),
             densities: vec![0.0; n],
+            likelihoods: vec![0.0; n],
             frozen: Frozen::new(n),
             moved: Moved::default(),
+            pull: None,
+            forecast: Forecast::default(),
+            about: Forecast::default(),
+            swarm: Memory::default(),
             proposals: Proposals {
                 states: from_fn(|_| Vec::new()),
                 scores: vec![],
@@ -70,9 +87,36 @@ impl<const N: usize> MovedCloud<N> {
         }
     }
 
-    /// Lets the survivors of a resampling take the places of the particles, each with its parent.
+    /// The same with room for what a swarm and its fitness need.
+    pub(crate) fn with_swarm(self, swarm: &Swarm<N>) -> Self {
+        let n = self.cloud.len();
+        let (forecast, about) = (Forecast::with_room(n), Forecast::with_room(n));
+        MovedCloud { forecast, about, swarm: swarm.memory(n), ..self }
+    }
+
+    /// Keeps what a step foretells of the particles as they enter it.
+    pub(crate) fn foretell<A: Motion<N, W>, const W: usize>(
+        &mut self,
+        simd: Simd,
+        density: &TransitionDensity<A, N, W>,
+    ) {
+        self.remember_parents(simd);
+        let MovedCloud { cloud, parents, forecast, .. } = self;
+        let equal = cloud.equal.then_some(1.0 / cloud.len() as f64);
+        match equal {
+            Some(weight) => forecast.fill(simd, density, parents, std::iter::repeat_n(weight, cloud.len())),
+            None => forecast.fill(simd, density, parents, cloud.weights()),
+        }
+    }
+
+    /// Lets the survivors of a resampling take the places of the particles, each with its parent and its
+    /// log-likelihood.
     pub(crate) fn branch(&mut self, simd: Simd) {
-        let MovedCloud { cloud, parents, spare, .. } = self;
+        let MovedCloud { cloud, parents, spare, likelihoods, densities, .. } = self;
+        for (to, &a) in densities.iter_mut().zip(&cloud.ancestors) {
+            *to = likelihoods[a as usize];
+        }
+        std::mem::swap(likelihoods, densities);
         for columns in [&mut cloud.states, parents] {
             let from = Survivors::new(columns.each_ref().map(Vec::as_slice), &cloud.ancestors);
             gather(
@@ -97,6 +141,48 @@ impl<const N: usize> MovedCloud<N> {
     /// What the moves of the last step did.
     pub fn moved(&self) -> Moved {
         self.moved
+    }
+
+    /// How the moves of the last step changed mean and spread of the survivors; `None` where there were no
+    /// moves. Moves that keep the law pull by chance alone.
+    pub fn pull(&self) -> Option<Pull<N>> {
+        self.pull
+    }
+}
+
+/// Mean and standard deviation of each component of equally weighted particles, before a move and after it,
+/// in the units of the state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pull<const N: usize> {
+    /// Means: before, after.
+    pub mean: [[f64; N]; 2],
+    /// Standard deviations: before, after.
+    pub sd: [[f64; N]; 2],
+}
+
+/// Mean and standard deviation of each component of `states`.
+pub(crate) fn moments<const N: usize>(states: &[Vec<f64>; N]) -> [[f64; N]; 2] {
+    let n = states.first().map_or(0, Vec::len) as f64;
+    let mean = states.each_ref().map(|column| column.iter().sum::<f64>() / n);
+    let sd = from_fn(|k| {
+        let square = |x: &f64| (x - mean[k]) * (x - mean[k]);
+        (states[k].iter().map(square).sum::<f64>() / n).sqrt()
+    });
+    [mean, sd]
+}
+
+impl<const N: usize> Pull<N> {
+    pub(crate) fn between(before: [[f64; N]; 2], after: [[f64; N]; 2]) -> Self {
+        Pull { mean: [before[0], after[0]], sd: [before[1], after[1]] }
+    }
+
+    /// With what another move did later: resampling in between is no pull.
+    pub(crate) fn then(mut self, before: [[f64; N]; 2], after: [[f64; N]; 2]) -> Self {
+        for k in 0..N {
+            self.mean[1][k] += after[0][k] - before[0][k];
+            self.sd[1][k] *= if before[1][k] > 0.0 { after[1][k] / before[1][k] } else { 1.0 };
+        }
+        self
     }
 }
 

@@ -1,6 +1,6 @@
 //! The sequential Markov chain Monte Carlo filter: a chain in place of weights.
 
-use crate::belief::{Cloud, Gaussian, Lineage, MAX_PARTICLES, MovedCloud, Proposals};
+use crate::belief::{Cloud, Gaussian, Lineage, MAX_PARTICLES, MovedCloud, Proposals, Pull, moments};
 use crate::error::{Error, Result};
 use crate::filter::{Filter, Outcome, ParticleUpdate, Prior, Update};
 use crate::kernels::{self, BLOCK, NoiseBlock, NoiseKey, NoiseSource, Simd, Source, Survivors, Threads};
@@ -223,8 +223,8 @@ where
         let density = refines
             .then(|| TransitionDensity::over(&self.motion, from, to, &belief.cloud.mean()))
             .transpose()?;
-        let MovedCloud { cloud, parents, densities, frozen, moved, proposals, chosen, .. } = belief;
-        *moved = Moved::default();
+        let MovedCloud { cloud, parents, densities, frozen, moved, pull, proposals, chosen, .. } = belief;
+        (*moved, *pull) = (Moved::default(), None);
         cloud.step += 1;
         cloud.time = to;
         cloud.lineage = Lineage::Numbers;
@@ -274,9 +274,14 @@ where
         particles.resampled = true;
         cloud.equalise();
         if let Some(density) = &density {
-            let law = PathLaw::<A, H, N, W> { density, digest: &digest, parents, simd: self.settings.simd };
+            let simd = self.settings.simd;
+            let law = PathLaw::<A, H, N, W> { density, digest: &digest, parents, power: 1.0, simd };
             let means = (&self.settings.threads, spread_of(cloud));
+            densities.iter_mut().zip(&*chosen).for_each(|(to, &c)| *to = proposals.scores[c as usize]);
+            law.complete(0, &cloud.states.each_ref().map(Vec::as_slice), densities);
+            let before = moments(&cloud.states);
             *moved += self.moves.run(cloud, densities, frozen, &law, means);
+            *pull = Some(Pull::between(before, moments(&cloud.states)));
             cloud.equalise();
         }
         particles.evaluations = moved.evaluations;

@@ -19,6 +19,9 @@ mod resample_move;
 mod selection;
 mod settings;
 mod size;
+mod swarm;
+mod swarm_importance;
+mod tempered;
 mod unscented;
 
 pub(crate) use deadline::Pace;
@@ -48,6 +51,9 @@ pub use resample_move::ResampleMove;
 pub use selection::{Choice, MAX_WINDOW, Rule, Selector, Wsms, weighted_votes};
 pub use settings::{Prior, Settings};
 pub use size::{Boxes, Kld, Size};
+pub use swarm::{Fitness, MovedWeights, Readings, SwarmEstimate, SwarmFilter};
+pub use swarm_importance::SwarmImportance;
+pub use tempered::Tempered;
 pub(crate) use unscented::Spread;
 pub use unscented::{SigmaPoints, Unscented};
 

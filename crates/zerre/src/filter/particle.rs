@@ -50,19 +50,19 @@ struct Plan<'a, S, D, G> {
 
 /// The particles that take noise of the motion's own law: a share of them, evenly spaced from a random place,
 /// so that each is one with the same probability.
-struct Defensive {
+pub(super) struct Defensive {
     share: f64,
     offset: f64,
 }
 
 impl Defensive {
-    fn new(share: f64, stream: Stream, step: u64) -> Self {
+    pub(super) fn new(share: f64, stream: Stream, step: u64) -> Self {
         // No block of noise has numbers of this index.
         Defensive { share, offset: stream.draws(Purpose::Propose, step, u32::MAX).uniform() }
     }
 
     /// Writes 1 for those of the particles from `first` on, 0 for the others.
-    fn mark(&self, first: usize, takes_own: &mut [f64]) {
+    pub(super) fn mark(&self, first: usize, takes_own: &mut [f64]) {
         if self.share == 0.0 {
             return takes_own.fill(0.0);
         }
@@ -201,12 +201,7 @@ where
                 cloud.states.iter_mut().for_each(|c| c[i] = 0.0);
             }
         }
-        for b in 0..cloud.blocks.len() {
-            let range = b * BLOCK..((b + 1) * BLOCK).min(cloud.log_weights.len());
-            let states = cloud.states.each_ref().map(|c| &c[range.clone()]);
-            let (scores, weights) = (&mut cloud.scores[range.clone()], &mut cloud.weights[range]);
-            cloud.blocks[b] = kernels::weigh(self.settings.simd, None, scores, &states, weights);
-        }
+        cloud.weigh(self.settings.simd);
         count
     }
 
@@ -366,8 +361,7 @@ where
             particles.resampled = true;
             particles.distinct_ancestors = self.resample(cloud, &total, goal);
         } else if digest.is_some() || not_finite > 0 {
-            std::mem::swap(&mut cloud.log_weights, &mut cloud.scores);
-            (cloud.equal, cloud.log_sum) = (false, log_sum);
+            cloud.keep_weights(log_sum);
         }
         let outcome = if digest.is_some() { Outcome::Updated } else { Outcome::Predicted };
         Ok(Update { outcome, log_evidence, particles: Some(particles) })

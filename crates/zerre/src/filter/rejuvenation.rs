@@ -48,7 +48,7 @@ pub enum Kernel {
 impl Kernel {
     /// The bandwidth for `n` particles of `dimensions` components and unit covariance (Silverman 1986,
     /// 4.3.2), and the variance of a component of e.
-    fn bandwidth(self, n: usize, dimensions: usize) -> (f64, f64) {
+    pub(super) fn bandwidth(self, n: usize, dimensions: usize) -> (f64, f64) {
         let d = dimensions as f64;
         let log_a = match self {
             Kernel::Gaussian => Real::ln(4.0 / (d + 2.0)),

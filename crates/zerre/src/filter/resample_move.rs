@@ -1,8 +1,8 @@
 //! Resampling followed by moves: copies of a particle part again, and the law stays what it is.
 
-use crate::belief::{Gaussian, Lineage, MovedCloud};
+use crate::belief::{Gaussian, Lineage, MovedCloud, Pull, moments};
 use crate::error::{Error, Result};
-use crate::filter::{Filter, ParticleFilter, Prior, Rejuvenation, Settings, Size, Update};
+use crate::filter::{Filter, ParticleFilter, Prior, Settings, Update};
 use crate::model::{Likelihood, Motion, TransitionDensity};
 use crate::moves::{Move, Moved, PathLaw, Sweeps, spread_of};
 use crate::rng::Stream;
@@ -32,16 +32,7 @@ where
     /// Parameters of the kernel out of range; a filter that rejuvenates its particles itself, or
     /// changes their number. A motion without a density is refused by the first step that takes time.
     pub fn new(filter: ParticleFilter<N, W, A, H, P>, kernel: Move, sweeps: u32) -> Result<Self> {
-        if filter.settings().rejuvenation != Rejuvenation::Nothing {
-            return Err(Error::Unsupported(
-                "moves take the place of a rejuvenation: set it to nothing".to_owned(),
-            ));
-        }
-        if filter.settings().size != Size::Fixed {
-            return Err(Error::Unsupported(
-                "moves keep the number of particles: leave its size fixed".to_owned(),
-            ));
-        }
+        filter.settings().for_moves()?;
         let moves = Sweeps { kernel, count: sweeps };
         moves.check()?;
         Ok(ResampleMove { filter, moves })
@@ -75,18 +66,28 @@ where
         if takes_time {
             belief.remember_parents(simd);
         }
+        let had_weights = !belief.cloud.equal;
         let mut update = self.filter.step(&mut belief.cloud, to, z)?;
-        belief.moved = Moved::default();
+        (belief.moved, belief.pull) = (Moved::default(), None);
         // A filter that looks ahead has resampled the parents: nothing is pending, and nothing has become
         // alike.
         if let (Some(density), Some(digest)) = (&density, &digest)
             && belief.cloud.pending
         {
             let spread = spread_of(&belief.cloud);
+            let MovedCloud { cloud, likelihoods, .. } = belief;
+            likelihoods.copy_from_slice(&cloud.scores);
+            if had_weights {
+                likelihoods.iter_mut().zip(&cloud.log_weights).for_each(|(score, weight)| *score -= weight);
+            }
             belief.branch(simd);
-            let MovedCloud { cloud, parents, densities, frozen, moved, .. } = belief;
-            let law = PathLaw::<A, H, N, W> { density, digest, parents, simd };
+            let MovedCloud { cloud, parents, densities, likelihoods, frozen, moved, pull, .. } = belief;
+            let law = PathLaw::<A, H, N, W> { density, digest, parents, power: 1.0, simd };
+            densities.copy_from_slice(likelihoods);
+            law.complete(0, &cloud.states.each_ref().map(Vec::as_slice), densities);
+            let before = moments(&cloud.states);
             *moved = self.moves.run(cloud, densities, frozen, &law, (threads, spread));
+            *pull = Some(Pull::between(before, moments(&cloud.states)));
             cloud.equalise();
             cloud.lineage = Lineage::Ancestors;
             if let Some(particles) = &mut update.particles {

@@ -105,4 +105,28 @@ impl Settings {
         self.size.checked(dimensions, (self.particles, self.lookahead.is_some()))?;
         self.rejuvenation.checked().map(drop)
     }
+
+    /// Refuses what filters cannot have that move their particles after each step, or draw them anew.
+    pub(super) fn for_moves(&self) -> Result<()> {
+        let refuse = |what: &str| Err(Error::Unsupported(what.to_owned()));
+        if self.rejuvenation != Rejuvenation::Nothing {
+            return refuse("moves take the place of a rejuvenation: set it to nothing");
+        }
+        if self.size != Size::Fixed {
+            return refuse("moves keep the number of particles: leave its size fixed");
+        }
+        Ok(())
+    }
+
+    /// Refuses what filters cannot have that weigh and resample themselves.
+    pub(super) fn for_own_weights(&self) -> Result<()> {
+        self.for_moves()?;
+        match self.lookahead {
+            None => Ok(()),
+            Some(_) => {
+                let what = "this filter weighs its particles itself: it has no use for a lookahead";
+                Err(Error::Unsupported(what.to_owned()))
+            }
+        }
+    }
 }

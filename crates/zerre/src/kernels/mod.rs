@@ -26,7 +26,9 @@ pub use pool::Threads;
 
 pub(crate) use ensemble::{Correction, EnsembleSums, Reference, correct, ensemble_sums};
 pub(crate) use lobes::{Lobe, MAX_LOBES, Shared, share_points};
-pub(crate) use noise::{NoiseBlock, NoiseKey, fill_gamma, fill_noise, fill_uniforms, to_exponentials};
+pub(crate) use noise::{
+    NoiseBlock, NoiseKey, exponentials, fill_gamma, fill_noise, fill_uniforms, to_exponentials,
+};
 pub(crate) use occupancy::{expected_occupied, log_absent};
 pub(crate) use propagate::{Source, Survivors, draw_normal, gather, propagate};
 pub(crate) use propose::{Propose, propose};

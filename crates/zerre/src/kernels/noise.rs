@@ -449,5 +449,24 @@ pub(crate) fn to_exponentials(level: Simd, numbers: &mut [f64]) {
     );
 }
 
+/// e^x, in place.
+pub(crate) fn exponentials(level: Simd, numbers: &mut [f64]) {
+    #[inline(always)]
+    fn run<S: Token>(simd: S, numbers: &mut [f64]) {
+        let mut chunks = numbers.chunks_exact_mut(8);
+        for chunk in &mut chunks {
+            Lanes::load(simd, chunk).exp().store(chunk);
+        }
+        for x in chunks.into_remainder() {
+            *x = crate::math::exp(*x);
+        }
+    }
+    dispatch!(
+        level,
+        simd => run(simd, numbers),
+        naive => numbers.iter_mut().for_each(|x| *x = crate::math::exp(*x))
+    );
+}
+
 #[cfg(test)]
 mod tests;

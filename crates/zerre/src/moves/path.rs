@@ -1,4 +1,4 @@
-//! Moves of particles whose parents stay: each under p(z | x) p(x | parent).
+//! Moves of particles whose parents stay: each under p(z | x) p(x | parent), or with a part of the likelihood.
 
 use super::{Frozen, Law, Move, Moved, Walk};
 use crate::belief::Cloud;
@@ -7,12 +7,34 @@ use crate::kernels::{self, Simd, Threads};
 use crate::math::{Cholesky, Matrix};
 use crate::model::{Likelihood, Motion, TransitionDensity};
 
-/// ln p(z | x) + ln p(x | x') of each particle and its parent x'; -inf where either is no number.
+/// power ln p(z | x) + ln p(x | x') of each particle and its parent x'; -inf where either is no number.
 pub(crate) struct PathLaw<'a, 'z, A: Motion<N, W>, H: Likelihood<N> + 'z, const N: usize, const W: usize> {
     pub(crate) density: &'a TransitionDensity<A, N, W>,
     pub(crate) digest: &'a H::Digest<'z>,
     pub(crate) parents: &'a [Vec<f64>; N],
+    /// 1 for the posterior, less for a law on the way to it.
+    pub(crate) power: f64,
     pub(crate) simd: Simd,
+}
+
+impl<A: Motion<N, W>, H: Likelihood<N>, const N: usize, const W: usize> PathLaw<'_, '_, A, H, N, W> {
+    /// What log-likelihoods of the particles from `first` on, in `out`, are as log-densities.
+    pub(crate) fn complete(&self, first: usize, states: &[&[f64]; N], out: &mut [f64]) {
+        if self.power != 1.0 {
+            out.iter_mut().for_each(|d| *d *= self.power);
+        }
+        let parents = self.parents.each_ref().map(|c| &c[first..first + out.len()]);
+        kernels::add_log_transitions(self.simd, self.density, &parents, states, out);
+        out.iter_mut().filter(|d| d.is_nan() || **d == f64::INFINITY).for_each(|d| *d = f64::NEG_INFINITY);
+    }
+
+    /// The log-likelihoods that log-densities of all particles were completed from, to rounding.
+    pub(crate) fn likelihoods(&self, states: &[Vec<f64>; N], densities: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        let (from, to) = (self.parents.each_ref().map(Vec::as_slice), states.each_ref().map(Vec::as_slice));
+        kernels::add_log_transitions(self.simd, self.density, &from, &to, out);
+        out.iter_mut().zip(densities).for_each(|(out, density)| *out = (density - *out) / self.power);
+    }
 }
 
 impl<A: Motion<N, W>, H: Likelihood<N>, const N: usize, const W: usize> Law<N>
@@ -20,9 +42,7 @@ impl<A: Motion<N, W>, H: Likelihood<N>, const N: usize, const W: usize> Law<N>
 {
     fn log_density(&self, first: usize, states: &[&[f64]; N], out: &mut [f64]) {
         H::score(self.digest, self.simd, states, out);
-        let parents = self.parents.each_ref().map(|c| &c[first..first + out.len()]);
-        kernels::add_log_transitions(self.simd, self.density, &parents, states, out);
-        out.iter_mut().filter(|d| d.is_nan() || **d == f64::INFINITY).for_each(|d| *d = f64::NEG_INFINITY);
+        self.complete(first, states, out);
     }
 }
 
@@ -44,7 +64,7 @@ impl Sweeps {
         self.kernel.check()
     }
 
-    /// Moves the particles of `belief` under `law`.
+    /// Moves the particles of `cloud` under `law`; `densities` are theirs before and after.
     pub(crate) fn run<const N: usize>(
         self,
         cloud: &mut Cloud<N>,
@@ -53,8 +73,7 @@ impl Sweeps {
         law: &impl Law<N>,
         (threads, spread): (&Threads, Matrix<N, N>),
     ) -> Moved {
-        law.log_density(0, &cloud.states.each_ref().map(Vec::as_slice), densities);
-        let mut moved = Moved { accepted: 0, evaluations: densities.len() };
+        let mut moved = Moved::default();
         for sweep in 0..self.count {
             let stream = cloud.stream.fork(u64::from(sweep));
             let walk = Walk { stream, step: cloud.step, threads, spread };

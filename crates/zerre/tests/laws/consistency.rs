@@ -11,7 +11,7 @@
 //! the ESS. Importance sampling needs that; elsewhere it is below 1 %. What is left, and the curvature of the radar's
 //! bearing (0.01 standard deviations), is below `APPROXIMATE` of the sums.
 
-use crate::list::{Class, Means, Sensor, UnderLaw, World, filters};
+use crate::list::{Means, Sensor, UnderLaw, World, filters};
 use crate::{Verdict, uphold, worlds};
 use zerre::Time;
 use zerre::belief::Gaussian;
@@ -73,7 +73,7 @@ fn plausible(what: &str, sum: f64, dof: u32) -> Verdict {
 
 fn all_consistent<H: Sensor>(world: &World<H>) {
     let list = filters(world, &Means::serial(PARTICLES));
-    let bound = list.iter().filter(|entry| entry.class != Class::Reproduction);
+    let bound = list.iter().filter(|entry| entry.class.is_bound_here());
     uphold(bound.map(|e| (e.name.clone(), consistent(&*e.filter, world, world))));
 }
 

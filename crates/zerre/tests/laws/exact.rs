@@ -120,7 +120,7 @@ fn world() -> (crate::list::World<Position<2>>, Vec<Seen>, Vec<Report>) {
 fn every_filter_agrees_with_kalman() {
     let (world, script, reference) = world();
     let list = filters(&world, &Means::serial(PARTICLES));
-    let bound = list.iter().filter(|entry| entry.class != Class::Reproduction);
+    let bound = list.iter().filter(|entry| entry.class.is_bound_here());
     uphold(bound.map(|e| (e.name.clone(), exact(&*e.filter, e.class, &reference, &script))));
 }
 

@@ -26,6 +26,16 @@ pub enum Class {
     Approximate { bias: f64 },
     /// Does what a paper says, which is not the posterior: free of laws 1, 2 and 5, and pinned by a test of its own.
     Reproduction,
+    /// Converges to the posterior, but at a cost for each particle that grows with their number: bound by laws 1
+    /// and 5 on smaller worlds, in `tests/swarm.rs`.
+    Elsewhere,
+}
+
+impl Class {
+    /// Whether laws 1 and 5 are upheld on the whole list.
+    pub fn is_bound_here(self) -> bool {
+        !matches!(self, Class::Reproduction | Class::Elsewhere)
+    }
 }
 
 /// A filter with its name and what it claims to be.

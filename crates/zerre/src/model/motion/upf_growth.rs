@@ -11,7 +11,7 @@ use crate::time::Time;
 /// One step is one application, however long it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpfGrowth {
-    shape: f64,
+    noise: Noise,
     scale: f64,
 }
 
@@ -32,9 +32,18 @@ impl UpfGrowth {
     /// `shape` or `rate` not positive and finite.
     pub fn new(shape: f64, rate: f64) -> Result<Self> {
         Ok(UpfGrowth {
-            shape: Error::positive("shape of the gamma noise", shape)?,
+            noise: Noise::Gamma { shape: Error::positive("shape of the gamma noise", shape)? },
             scale: 1.0 / Error::positive("rate of the gamma noise", rate)?,
         })
+    }
+
+    /// Normal noise of mean zero: what a filter assumes that does not know of the gamma law.
+    ///
+    /// # Errors
+    /// `variance` not positive and finite.
+    pub fn normal(variance: f64) -> Result<Self> {
+        let scale = Error::positive("variance of the noise", variance)?.sqrt();
+        Ok(UpfGrowth { noise: Noise::StandardNormal, scale })
     }
 }
 
@@ -53,6 +62,6 @@ impl Motion<1, 1> for UpfGrowth {
     }
 
     fn noise(&self) -> Noise {
-        Noise::Gamma { shape: self.shape }
+        self.noise
     }
 }
