@@ -122,7 +122,7 @@ impl<const N: usize, L: Label> Hypotheses<N, L> {
     /// # Errors
     /// Sums that are not finite.
     pub fn combined(&self) -> Result<Gaussian<N>> {
-        matched(self.all.iter().map(|h| (h.weight, &h.law)))
+        matched(self.all.len(), &|i| (self.all[i].weight, &self.all[i].law))
     }
 
     /// The expectation of a function of the label.
@@ -159,7 +159,8 @@ impl<const N: usize> Hypotheses<N> {
     /// # Errors
     /// No hypothesis with that mode and a weight; sums that are not finite.
     pub fn mode(&self, j: usize) -> Result<Gaussian<N>> {
-        matched(self.all.iter().filter(|h| h.label == j).map(|h| (h.weight, &h.law)))
+        let weight = |h: &Hypothesis<N>| if h.label == j { h.weight } else { 0.0 };
+        matched(self.all.len(), &|i| (weight(&self.all[i]), &self.all[i].law))
     }
 
     /// For each mode its probability and the Gaussian of [`Hypotheses::mode`]. A mode without weight has the

@@ -88,11 +88,11 @@ impl<const N: usize> ModalGaussian<N> {
     /// # Errors
     /// Numbers so large that the sums are not finite.
     pub fn combined(&self) -> Result<Gaussian<N>> {
-        matched(self.probabilities.iter().copied().zip(&self.laws))
+        matched(self.laws.len(), &|j| (self.probabilities[j], &self.laws[j]))
     }
 }
 
-/// The Gaussian with the mean and covariance of a mixture; weights need not be normalised, and parts of weight zero are
+/// The Gaussian with the mean and covariance of a mixture of `count` parts; weights need not be normalised, and parts of weight zero are
 /// not looked at. Parts that are equal give back their own bits.
 ///
 /// Sums are of differences from the heaviest part: what they lose is below the rounding of that part, and the
@@ -101,11 +101,12 @@ impl<const N: usize> ModalGaussian<N> {
 /// # Errors
 /// Weights that are all zero, sums that are not finite.
 pub(crate) fn matched<'a, const N: usize>(
-    parts: impl Iterator<Item = (f64, &'a Gaussian<N>)> + Clone,
+    count: usize,
+    part: &dyn Fn(usize) -> (f64, &'a Gaussian<N>),
 ) -> Result<Gaussian<N>> {
     let mut total = 0.0;
     let mut heaviest: Option<(f64, &Gaussian<N>)> = None;
-    for (weight, law) in parts.clone() {
+    for (weight, law) in (0..count).map(part) {
         total += weight;
         if heaviest.is_none_or(|(most, _)| weight > most) {
             heaviest = Some((weight, law));
@@ -115,16 +116,18 @@ pub(crate) fn matched<'a, const N: usize>(
     let Some((_, heaviest)) = heaviest else {
         return Err(Error::Shape { what: "parts of a mixture", found: 0, expected: 1 });
     };
-    let parts = parts.filter(|&(weight, _)| weight > 0.0).map(|(weight, law)| (weight / total, law));
+    let parts = || {
+        (0..count).map(part).filter(|(weight, _)| *weight > 0.0).map(|(weight, law)| (weight / total, law))
+    };
     let mut shift = [0.0; N];
-    for (share, law) in parts.clone() {
+    for (share, law) in parts() {
         for i in 0..N {
             shift[i] += share * (law.mean()[i] - heaviest.mean()[i]);
         }
     }
     let mean: [f64; N] = from_fn(|i| heaviest.mean()[i] + shift[i]);
     let mut covariance = *heaviest.covariance();
-    for (share, law) in parts {
+    for (share, law) in parts() {
         let off: [f64; N] = from_fn(|i| law.mean()[i] - mean[i]);
         let more = *law.covariance() - *heaviest.covariance() + Matrix::outer(&off, &off);
         covariance = covariance + more * share;
@@ -143,7 +146,7 @@ mod tests {
         let belief = ModalGaussian::new(Time::ZERO, vec![0.25, 0.75], laws.to_vec()).unwrap();
         let law = belief.combined().unwrap();
         assert_eq!((law.mean()[0], law.covariance().0[0][0]), (3.0, 4.75));
-        let relative = matched([(1.0, &laws[0]), (3.0, &laws[1])].into_iter()).unwrap();
+        let relative = matched(2, &|i| ([1.0, 3.0][i], &laws[i])).unwrap();
         assert_eq!(relative, law);
     }
 
@@ -151,8 +154,8 @@ mod tests {
     fn equal_parts_give_back_their_bits() {
         let law = Gaussian::new([0.1, 1e9 / 3.0], Matrix([[0.3, 0.1], [0.1, 0.7]])).unwrap();
         let weights = [0.1, 0.7, 0.2, 0.0];
-        assert_eq!(matched(weights.iter().map(|&w| (w, &law))).unwrap(), law);
-        assert!(matched([(0.0, &law)].into_iter()).is_err());
+        assert_eq!(matched(weights.len(), &|i| (weights[i], &law)).unwrap(), law);
+        assert!(matched(1, &|_| (0.0, &law)).is_err());
         assert!(matched::<2>([].into_iter()).is_err());
     }
 

@@ -349,7 +349,9 @@ impl<const N: usize> ModalCloud<N> {
         }
         let laws = &laws[..self.modes];
         let probabilities: Vec<f64> = self.probabilities().collect();
-        let whole = matched(probabilities.iter().zip(laws).filter_map(|(&p, law)| Some((p, law.as_ref()?))))?;
+        let known: Vec<_> =
+            probabilities.iter().zip(laws).filter_map(|(&p, law)| Some((p, law.as_ref()?))).collect();
+        let whole = matched(known.len(), &|i| known[i])?;
         let laws = laws.iter().map(|law| law.unwrap_or(whole)).collect();
         ModalGaussian::new(self.time, probabilities, laws)
     }

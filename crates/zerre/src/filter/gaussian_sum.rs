@@ -195,7 +195,7 @@ where
         }
         let mut update = Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None };
         if let Some(z) = z {
-            let whole = || matched(spare.iter().map(|part| (part.weight, &part.law)));
+            let whole = || matched(spare.len(), &|i| (spare[i].weight, &spare[i].law));
             let gated = self.gate.is_some()
                 && update_law(&self.transform, &self.measurement, self.gate, &whole()?, z, to)?.1.outcome
                     == Outcome::Gated;
@@ -390,7 +390,7 @@ fn merge<const N: usize>(
         }
         let (a, b) = (a.min(b as usize), a.max(b as usize));
         let both = [&parts[a], &parts[b]];
-        let law = matched(both.iter().map(|part| (part.weight, &part.law)))?;
+        let law = matched(2, &|i| (both[i].weight, &both[i].law))?;
         let weight = both[0].weight + both[1].weight;
         parts[a] = Hypothesis { law, weight, ..parts[a] };
         log_dets[a] = log_det(&law);
@@ -432,7 +432,9 @@ fn cheapest<const N: usize>(parts: &[Hypothesis<N>], log_dets: &[f64], i: usize)
 /// Runnalls' bound for the merge of two parts; infinite where a singular part loses its exactness.
 fn bound<const N: usize>(parts: &[Hypothesis<N>], log_dets: &[f64], i: usize, j: usize) -> f64 {
     let (a, b) = (&parts[i], &parts[j]);
-    let Ok(law) = matched([(a.weight, &a.law), (b.weight, &b.law)].into_iter()) else { return f64::INFINITY };
+    let Ok(law) = matched(2, &|part| if part == 0 { (a.weight, &a.law) } else { (b.weight, &b.law) }) else {
+        return f64::INFINITY;
+    };
     let both = log_det(&law);
     let cost = 0.5 * (a.weight * (both - log_dets[i]) + b.weight * (both - log_dets[j]));
     if cost.is_nan() { f64::INFINITY } else { cost.max(0.0) }

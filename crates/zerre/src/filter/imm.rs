@@ -6,7 +6,7 @@ use crate::belief::{Gaussian, ModalGaussian, matched};
 use crate::error::{Error, Result};
 use crate::math::Real;
 use crate::model::jump::MAX_MODES;
-use crate::model::{GaussianMeasurement, JumpMarkov, Motion};
+use crate::model::{Chain, GaussianMeasurement, JumpMarkov, Motion};
 use crate::rng::Stream;
 use crate::time::Time;
 
@@ -139,15 +139,37 @@ where
     H: GaussianMeasurement<N, M>,
 {
     let from = belief.time;
+    let predict =
+        |mode: usize, law: &Gaussian<N>| predict_law(transform, &model.modes()[mode], law, from, to);
+    let update = |z: &H::Value, gate: Option<f64>, law: &Gaussian<N>| {
+        update_law(transform, measurement, gate, law, z, to)
+    };
+    let update = z.map(|z| move |gate: Option<f64>, law: &Gaussian<N>| update(z, gate, law));
+    let update = update.as_ref().map(|update| update as &dyn Fn(Option<f64>, &Gaussian<N>) -> _);
+    step_modes(model.chain(), belief, (from, to), gate, &predict, update)
+}
+
+/// A law updated under a gate, and what that came to.
+type Updated<const N: usize> = Result<(Gaussian<N>, Update)>;
+
+/// The step, whatever the models are: it is compiled once for each size of the state.
+fn step_modes<const N: usize>(
+    chain: &Chain,
+    belief: &mut ModalGaussian<N>,
+    (from, to): (Time, Time),
+    gate: Option<f64>,
+    predict: &dyn Fn(usize, &Gaussian<N>) -> Result<Gaussian<N>>,
+    update: Option<&dyn Fn(Option<f64>, &Gaussian<N>) -> Updated<N>>,
+) -> Result<Update> {
     let modes = belief.len();
     if to < from {
         return Err(Error::OutOfOrder { from, to });
     }
-    if modes != model.modes().len() {
-        let expected = model.modes().len();
+    if modes != chain.initial().len() {
+        let expected = chain.initial().len();
         return Err(Error::Shape { what: "modes of the belief", found: modes, expected });
     }
-    let transition = model.chain().over(from, to);
+    let transition = chain.over(from, to);
     let mut probabilities = transition.predict(&belief.probabilities);
     let probabilities = &mut probabilities[..modes];
     if to > from {
@@ -155,40 +177,38 @@ where
         let sum: f64 = probabilities.iter().sum();
         probabilities.iter_mut().for_each(|p| *p /= sum);
     }
-    for (j, motion) in model.modes().iter().enumerate() {
-        let mixed = if to > from && probabilities[j] > 0.0 {
-            let from_mode = |(i, (&p, law))| (transition.probability(i, j) * p, law);
-            matched(belief.probabilities.iter().zip(&belief.laws).enumerate().map(from_mode))?
+    for (j, &probability) in probabilities.iter().enumerate() {
+        let mixed = if to > from && probability > 0.0 {
+            matched(modes, &|i| (transition.probability(i, j) * belief.probabilities[i], &belief.laws[i]))?
         } else {
             belief.laws[j]
         };
-        belief.spare[j] = predict_law(transform, motion, &mixed, from, to)?;
+        belief.spare[j] = predict(j, &mixed)?;
     }
 
-    let mut update = Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None };
-    if let Some(z) = z {
-        let foretold = || matched(probabilities.iter().copied().zip(&belief.spare));
-        let gated = gate.is_some()
-            && update_law(transform, measurement, gate, &foretold()?, z, to)?.1.outcome == Outcome::Gated;
+    let mut came_to = Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None };
+    if let Some(update) = update {
+        let foretold = || matched(modes, &|j| (probabilities[j], &belief.spare[j]));
+        let gated = gate.is_some() && update(gate, &foretold()?)?.1.outcome == Outcome::Gated;
         let mut scores = [f64::NEG_INFINITY; MAX_MODES];
         for j in 0..modes {
             if probabilities[j] > 0.0 {
-                let (law, alone) = update_law(transform, measurement, None, &belief.spare[j], z, to)?;
+                let (law, alone) = update(None, &belief.spare[j])?;
                 scores[j] = Real::ln(probabilities[j]) + alone.log_evidence;
                 if !gated {
                     belief.spare[j] = law;
                 }
             }
         }
-        update = weighed(&mut scores[..modes], gated);
-        if update.outcome == Outcome::Updated {
+        came_to = weighed(&mut scores[..modes], gated);
+        if came_to.outcome == Outcome::Updated {
             probabilities.copy_from_slice(&scores[..modes]);
         }
     }
     belief.probabilities.copy_from_slice(probabilities);
     std::mem::swap(&mut belief.laws, &mut belief.spare);
     belief.time = to;
-    Ok(update)
+    Ok(came_to)
 }
 
 /// What a step with a measurement came to, from the log-weights of its hypotheses, ln c_j L_j, which become normalised

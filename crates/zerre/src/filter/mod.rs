@@ -96,7 +96,7 @@ pub struct Update {
 }
 
 /// How the particles fared in one step.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParticleUpdate {
     /// How many particles the step moved and weighed.
     #[serde(default)]

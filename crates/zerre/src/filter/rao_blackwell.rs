@@ -8,9 +8,9 @@ use crate::belief::{Gaussian, Hypotheses, Hypothesis, MAX_PARTICLES, matched};
 use crate::error::{Error, Result};
 use crate::math::{Matrix, Real};
 use crate::model::jump::MAX_MODES;
-use crate::model::{GaussianMeasurement, JumpMarkov, Latent, Motion, sampled};
+use crate::model::{GaussianMeasurement, JumpMarkov, Label, Latent, Motion, sampled};
 use crate::resample::Reduction;
-use crate::rng::{Purpose, Stream};
+use crate::rng::{Draws, Purpose, Stream};
 use crate::time::Time;
 use std::array::from_fn;
 use std::borrow::Borrow;
@@ -191,13 +191,71 @@ where
     L: Latent<N, W, M, H>,
     H: GaussianMeasurement<N, M>,
 {
-    let (from, modes) = (belief.time, belief.modes);
-    let (hypotheses, reduction, gate) = settings;
+    let from = belief.time;
     if to < from {
         return Err(Error::OutOfOrder { from, to });
     }
-    if modes != model.modes() {
-        let expected = model.modes();
+    let numbers = Numbers { modes: model.modes(), branches: model.branches() };
+    let predict = |near: &Gaussian<N>, all: &mut [Hypothesis<N, L::Label>]| {
+        predict(transform, model, near, (from, to), all)
+    };
+    let mut step = |z: Option<&H::Value>| {
+        let over = model.over(measurement, from, to, z)?;
+        let branch = |parent: &_, draws: &mut _, out: &mut dyn FnMut(L::Label, f64)| {
+            model.branch(&over, parent, draws, out);
+        };
+        let update =
+            |z: &H::Value, gate: Option<f64>, given: Option<&L::Label>, law: &Gaussian<N>| match given {
+                Some(label) => {
+                    update_law(transform, model.sensor(measurement, label)?.borrow(), gate, law, z, to)
+                }
+                None => update_law(transform, measurement, gate, law, z, to),
+            };
+        let update =
+            z.map(|z| move |gate: Option<f64>, given: Option<&_>, law: &_| update(z, gate, given, law));
+        let update = update.as_ref().map(|update| update as &UpdateLaw<'_, N, L::Label>);
+        step_hypotheses(numbers, settings, belief, to, (&branch, &predict, update))
+    };
+    let update = step(z)?;
+    if update.outcome != Outcome::Degenerate {
+        return Ok(update);
+    }
+    // Labels may have been drawn for a measurement that is not used.
+    let predicted = step(None)?;
+    let evaluations = update.particles.map_or(0, |p| p.evaluations);
+    let particles = predicted.particles.map(|p| ParticleUpdate { evaluations, ..p });
+    Ok(Update { particles, ..update })
+}
+
+/// What a latent label has so many of: see [`Latent`].
+#[derive(Clone, Copy)]
+struct Numbers {
+    modes: usize,
+    branches: usize,
+}
+
+/// Names the labels that may follow that of a hypothesis, with weights.
+type Branch<'a, const N: usize, L> = dyn Fn(&Hypothesis<N, L>, &mut Draws, &mut dyn FnMut(L, f64)) + 'a;
+
+/// Moves the laws of all hypotheses; Jacobians that serve all are taken near a law.
+type Predict<'a, const N: usize, L> = dyn Fn(&Gaussian<N>, &mut [Hypothesis<N, L>]) -> Result<()> + 'a;
+
+/// Updates a law under a gate by what is seen given a label, or without one.
+type UpdateLaw<'a, const N: usize, L> =
+    dyn Fn(Option<f64>, Option<&L>, &Gaussian<N>) -> Result<(Gaussian<N>, Update)> + 'a;
+
+/// The step, whatever the models are: it is compiled once for each size of the state and each kind of label. After a
+/// degenerate measurement the belief is as it was.
+fn step_hypotheses<L: Label, const N: usize>(
+    numbers: Numbers,
+    (hypotheses, reduction, gate): (usize, Reduction, Option<f64>),
+    belief: &mut Hypotheses<N, L>,
+    to: Time,
+    (branch, predict, update): (&Branch<'_, N, L>, &Predict<'_, N, L>, Option<&UpdateLaw<'_, N, L>>),
+) -> Result<Update> {
+    let (from, modes) = (belief.time, belief.modes);
+    if modes != numbers.modes {
+        let expected = numbers.modes;
         return Err(Error::Shape { what: "modes of the belief", found: modes, expected });
     }
     let Hypotheses { all, spare, weights, kept, stream, step, .. } = &mut *belief;
@@ -205,7 +263,7 @@ where
     weights.clear();
     kept.clear();
     // As many as there can ever be: no later step allocates.
-    let most = all.len().max(hypotheses * model.branches());
+    let most = all.len().max(hypotheses * numbers.branches);
     weights.reserve(most);
     kept.reserve(most);
     weights.extend(all.iter().map(|h| h.weight));
@@ -213,7 +271,6 @@ where
     reduction.reduce(weights, hypotheses, *stream, *step + 1, kept)?;
     let resampled = weights.iter().filter(|&&weight| weight > 0.0).count() > hypotheses;
 
-    let over = model.over(measurement, from, to, z)?;
     spare.clear();
     spare.reserve(most);
     let (mut first, mut before) = (0, None);
@@ -227,7 +284,7 @@ where
         let mut k = first;
         let mut refusal = Ok(());
         let mut draws = stream.draws(Purpose::Mode, *step + 1, h);
-        model.branch(&over, parent, &mut draws, &mut |label, p| {
+        branch(parent, &mut draws, &mut |label, p| {
             match Error::not_negative("weight of a label", p) {
                 Err(error) => refusal = Err(error),
                 Ok(p) => match spare.get_mut(k) {
@@ -246,45 +303,41 @@ where
     let sum = Error::positive("sum of the weights", sum)?;
     spare.iter_mut().for_each(|h| h.weight /= sum);
     if to > from {
-        predict(transform, model, &all[kept[0].0 as usize].law, (from, to), spare)?;
+        predict(&all[kept[0].0 as usize].law, spare)?;
     }
 
-    let mut update = Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None };
-    if let Some(z) = z {
-        let foretold = || matched(spare.iter().map(|h| (h.weight, &h.law)));
-        let gated = gate.is_some()
-            && update_law(transform, measurement, gate, &foretold()?, z, to)?.1.outcome == Outcome::Gated;
+    let mut came_to = Update { outcome: Outcome::Predicted, log_evidence: 0.0, particles: None };
+    if let Some(update) = update {
+        let foretold = || matched(spare.len(), &|i| (spare[i].weight, &spare[i].law));
+        let gated = gate.is_some() && update(gate, None, &foretold()?)?.1.outcome == Outcome::Gated;
         weights.clear();
         for hypothesis in spare.iter_mut() {
-            let sensor = model.sensor(measurement, &hypothesis.label)?;
-            let (law, alone) = update_law(transform, sensor.borrow(), None, &hypothesis.law, z, to)?;
+            let (law, alone) = update(None, Some(&hypothesis.label), &hypothesis.law)?;
             weights.push(Real::ln(hypothesis.weight) + alone.log_evidence);
             if !gated {
                 hypothesis.law = law;
             }
         }
-        update = weighed(weights, gated);
-        match update.outcome {
+        came_to = weighed(weights, gated);
+        match came_to.outcome {
             Outcome::Updated => {
                 spare.iter_mut().zip(weights.iter()).for_each(|(h, &weight)| h.weight = weight);
                 if modes == 0 {
-                    update.log_evidence += Real::ln(sum);
+                    came_to.log_evidence += Real::ln(sum);
                 }
             }
-            // Labels may have been drawn for a measurement that is not used.
             Outcome::Degenerate => {
                 let evaluations = spare.len();
-                let predicted = step_with(transform, model, measurement, settings, belief, to, None)?;
-                let particles = predicted.particles.map(|p| ParticleUpdate { evaluations, ..p });
-                return Ok(Update { particles, ..update });
+                let particles = ParticleUpdate { evaluations, ..ParticleUpdate::default() };
+                return Ok(Update { particles: Some(particles), ..came_to });
             }
             _ => {}
         }
     }
     if modes == 0 {
         let ess = 1.0 / spare.iter().map(|h| h.weight * h.weight).sum::<f64>();
-        let evaluations = if z.is_some() { spare.len() } else { 0 };
-        update.particles = Some(ParticleUpdate {
+        let evaluations = if update.is_some() { spare.len() } else { 0 };
+        came_to.particles = Some(ParticleUpdate {
             ess,
             resampled,
             distinct_ancestors: kept.len(),
@@ -296,7 +349,7 @@ where
     *step += 1;
     std::mem::swap(all, spare);
     belief.time = to;
-    Ok(update)
+    Ok(came_to)
 }
 
 /// Moves every law by the motion of its label. Jacobians that serve all are taken near the law `near`.

@@ -60,7 +60,7 @@ where
             }
             probabilities[i] = paths.iter().map(|(weight, _)| weight).sum();
             if probabilities[i] > 0.0 {
-                now.spare[i] = matched(paths.iter().map(|(weight, law)| (*weight, law)))?;
+                now.spare[i] = matched(paths.len(), &|j| (paths[j].0, &paths[j].1))?;
             } else {
                 now.spare[i] = now.laws[i];
             }
