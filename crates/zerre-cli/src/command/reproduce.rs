@@ -20,6 +20,7 @@ use zerre_lab::paper::extended_target::recorded::{Object, Recordings};
 use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
+use zerre_lab::paper::swarm::dimensions::Dimensions;
 use zerre_lab::paper::swarm::{self, SwarmFilters};
 use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::study::experiment::{Experiment, SettingsFile};
@@ -196,8 +197,29 @@ fn extended_target(args: &Reproduce, options: &Global, console: &Console) -> Res
     reproduce(paper, &experiment, extended_target::SETTINGS, what, (args, options), console)
 }
 
+/// The table of swarm filters that is an experiment of its own.
+const DIMENSIONS: &str = "dimensions";
+
+fn dimensions(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    if args.table.len() > 1 {
+        let what = format!("the table {DIMENSIONS} is an experiment of its own, apart from the others");
+        return Err(Diagnostic::usage(what).help("ask for it alone"));
+    }
+    let runs = args.runs.map(|runs| runs.get() as usize);
+    let experiment = Dimensions::new(runs, args.quick, options.seed);
+    let what = (experiment.runs(), json!({ "tables": [DIMENSIONS] }));
+    reproduce(&swarm::PAPER, &experiment, swarm::dimensions::SETTINGS, what, (args, options), console)
+}
+
 fn swarm(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
     let paper = &swarm::PAPER;
+    if !args.particles.is_empty() {
+        let what = format!("{} has filters of many sizes, which --particles does not change", paper.name);
+        return Err(Diagnostic::usage(what).help("leave it out"));
+    }
+    if args.table.iter().any(|table| table == DIMENSIONS) {
+        return dimensions(args, options, console);
+    }
     let mut request = swarm::Request::new(args.quick);
     if !args.table.is_empty() {
         let names: Vec<_> = paper.tables.iter().chain(paper.on_request).copied().collect();
@@ -206,10 +228,6 @@ fn swarm(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, 
     }
     if let Some(runs) = args.runs {
         request.runs = runs.get() as usize;
-    }
-    if !args.particles.is_empty() {
-        let what = format!("{} has filters of many sizes, which --particles does not change", paper.name);
-        return Err(Diagnostic::usage(what).help("leave it out"));
     }
     let config = json!({ "tables": request.tables });
     let what = (request.runs, config);

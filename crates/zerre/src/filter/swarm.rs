@@ -127,12 +127,14 @@ where
         moved.evaluations += found.evaluations;
         cloud.equalise();
         if self.readings.weights == MovedWeights::Refit {
-            Seen::<H, N> { digest, simd }.log_density(
-                0,
-                &cloud.states.each_ref().map(Vec::as_slice),
-                &mut cloud.scores,
-            );
-            moved.evaluations += cloud.len();
+            match self.readings.fitness {
+                Fitness::Likelihood => cloud.scores.copy_from_slice(densities),
+                Fitness::Posterior => {
+                    let states = cloud.states.each_ref().map(Vec::as_slice);
+                    Seen::<H, N> { digest, simd }.log_density(0, &states, &mut cloud.scores);
+                    moved.evaluations += cloud.len();
+                }
+            }
             let total = cloud.weigh(simd);
             // They enter the estimate only: `equal` stays, and with it what the next step starts from.
             if total.max == f64::NEG_INFINITY {

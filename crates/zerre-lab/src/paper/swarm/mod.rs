@@ -6,6 +6,7 @@
 //! same records, and [`SwarmFilters`] is all of it as an [`Experiment`]. A scene is done in blocks of runs,
 //! the [`Cell`]s, so that the exact posterior of a run is computed once and shared by all filters.
 
+pub mod dimensions;
 mod methods;
 mod pictures;
 pub mod printed;
