@@ -53,6 +53,8 @@ pub const PAPER: Paper = Paper {
         "reading-o",
         "reading-p",
         "reading-s",
+        // An experiment of its own.
+        "dimensions",
     ],
 };
 
