@@ -44,6 +44,11 @@ fn papers_are_listed_and_unknown_ones_refused() {
     assert_eq!(list["papers"][0]["name"], "multiple-model");
     assert_eq!(list["papers"][1]["name"], "bayes-family");
     assert_eq!(list["papers"][2]["name"], "extended-target");
+    assert_eq!(list["papers"][3]["name"], "swarm");
+    assert!(list["papers"][3]["on_request"].as_array().unwrap().contains(&"variants".into()));
+    assert!(
+        String::from_utf8(zerre(&here, "reproduce").stdout).unwrap().contains("only on request: variants")
+    );
     for (line, word) in [
         ("reproduce multiple-modle", "multiple-model"),
         ("reproduce multiple-model --table 7.1", "7.1"),
@@ -51,6 +56,9 @@ fn papers_are_listed_and_unknown_ones_refused() {
         ("reproduce bayes-family --table growth", "growth-q1"),
         ("reproduce extended-target --table cluter", "clutter"),
         ("reproduce extended-target --particles 10,20", "one number of particles"),
+        ("reproduce swarm --table honst", "honest"),
+        ("reproduce swarm --table reading-z", "reading-"),
+        ("reproduce swarm --particles 10", "--particles"),
     ] {
         let output = zerre(&here, line);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -356,6 +364,105 @@ fn recordings_of_extended_targets_are_judged() {
         }
     }
     assert!(here.join("all/table-recorded.csv").exists());
+}
+
+/// Swarm filters: columns, printed values, every filter in every world, tables on request, threads, seeds.
+#[test]
+fn the_swarm_filters_are_run_in_all_worlds() {
+    let here = folder("swarm");
+    let line = "reproduce swarm --runs 2";
+    let part = |threads: usize| {
+        json(&here, &format!("{line} --table 1 --table honest --threads {threads} --out threads-{threads}"))
+    };
+    let (serial, parallel) = (part(1), part(2));
+    assert_eq!(serial["estimates_digest"], parallel["estimates_digest"]);
+    assert_eq!(estimates(&serial), estimates(&parallel));
+    let first = json(&here, &format!("{line} --out one"));
+    let rows = first["rows"].as_array().unwrap();
+    for row in rows {
+        for key in ["world", "algorithm", "reading", "metric", "statistic"] {
+            assert!(row[key].is_string(), "{key}: {row}");
+        }
+        for key in ["steps", "evaluations", "particles", "runs"] {
+            assert!(row[key].is_u64(), "{key}: {row}");
+        }
+        let number = |key: &str| row[key].as_f64().unwrap();
+        assert!(number("low") <= number("value") && number("value") <= number("high"), "{row}");
+        assert!(row["metric"] != "coverage90" || number("value") <= 1.0, "{row}");
+    }
+    let found = |world: &str, reading: &str, algorithm: &str, metric: &str| -> Vec<&Value> {
+        let wanted = |row: &&Value| {
+            (&row["world"], &row["reading"]) == (&world.into(), &reading.into())
+                && (&row["algorithm"], &row["metric"]) == (&algorithm.into(), &metric.into())
+                && (row["statistic"] == "mean" || row["statistic"] == "median")
+        };
+        rows.iter().filter(wanted).collect()
+    };
+    // The 18 cells of the paper's table, each with its printed value.
+    for algorithm in ["pf", "pso-pf", "abc-pf"] {
+        let cells = found("paper", "n", algorithm, "rmse");
+        let mut places: Vec<_> = cells.iter().map(|row| (row["steps"].as_u64(), row["q"].as_u64())).collect();
+        places.sort();
+        let expected = [50, 100].map(|steps| [1, 3, 6].map(|q| (Some(steps), Some(q))));
+        assert_eq!(places, expected.concat(), "{algorithm}");
+        assert!(cells.iter().all(|row| row["paper_value"].as_f64().is_some()));
+        for reading in ["a", "d"] {
+            assert_eq!(found("paper", reading, algorithm, "rmse").len(), 3, "{reading}");
+        }
+    }
+    let printed: Vec<_> = rows.iter().filter(|row| !row["paper_value"].is_null()).collect();
+    assert!(printed.iter().all(|row| row["world"] == "paper" && row["statistic"] == "mean"));
+    assert!(found("paper", "n", "bootstrap", "nis").len() == 12);
+    for (world, scenes) in [("growth", 3), ("ungm", 1), ("upf", 1)] {
+        for (algorithm, sizes) in [
+            ("grid", 1),
+            ("bootstrap", 5),
+            ("abc-pf", 1),
+            ("abc-pf-40", 1),
+            ("pso-pf-5", 1),
+            ("pso-pf-40-personal-best", 1),
+            ("auxiliary", 2),
+            ("regularised", 2),
+            ("ekf-guided", 2),
+            ("ukf-guided", 2),
+            ("resample-move", 2),
+            ("stretch-move", 2),
+            ("tempered-random-walk", 2),
+            ("tempered-stretch", 2),
+            ("swarm-importance", 2),
+        ] {
+            for metric in ["rmse", "crps", "coverage90", "rmse_ratio", "microseconds_per_step"] {
+                let count = found(world, "default", algorithm, metric).len();
+                assert_eq!(count, sizes * scenes, "{world} {algorithm} {metric}");
+            }
+            let beside = if algorithm == "grid" { 0 } else { sizes * scenes };
+            for metric in ["posterior_error", "w1"] {
+                assert_eq!(found(world, "default", algorithm, metric).len(), beside, "{algorithm} {metric}");
+            }
+        }
+    }
+    assert!(found("growth", "default", "grid", "rmse_ratio").iter().all(|row| row["value"] == 1.0));
+    for name in ["table-1", "table-honest", "table-misfit", "rows"] {
+        assert!(here.join(format!("one/{name}.csv")).exists(), "{name}");
+    }
+    let page = fs::read_to_string(here.join("one/report.html")).unwrap();
+    for text in
+        ["When it lies.", "When it helps.", "What shows it.", "90 % intervals: abc-pf", "Shift of the mean"]
+    {
+        assert!(page.contains(text), "{text}");
+    }
+    let request = json(&here, &format!("{line} --table variants --table reading-s --out request"));
+    let asked = request["rows"].as_array().unwrap();
+    assert!(asked.iter().any(|row| row["algorithm"] == "abc-pf-40-scouts"));
+    assert!(asked.iter().any(|row| row["reading"] == "s" && row["paper_value"].is_f64()));
+    assert!(here.join("request/table-reading-s.csv").exists() && !here.join("request/table-1.csv").exists());
+    let other = json(&here, &format!("{line} --seed 2 --out other"));
+    let errors = |document: &Value| -> Vec<f64> {
+        let rows = document["rows"].as_array().unwrap().iter().filter(|row| row["metric"] == "rmse");
+        rows.map(|row| row["value"].as_f64().unwrap()).collect()
+    };
+    let (a, b) = (errors(&first), errors(&other));
+    assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a != b));
 }
 
 /// A run that is stopped keeps what it has; going on gives what an undisturbed run gives.

@@ -247,8 +247,8 @@ pub fn with_problem<V: Visit>(place: &Place, visit: V) -> Result<V::Out> {
     }
 }
 
-/// Hands the problem of a world of growth to `visit`: `growth-q1`, `growth-q3`, `growth-q6`, `upf` or `ungm`, each of
-/// one component. What is compared in these alone need not be compiled for the others.
+/// Hands the problem of a world of growth to `visit`: `growth-q1`, `growth-q3`, `growth-q6`, `upf` or `ungm`,
+/// each of one component. What is compared in these alone need not be compiled for the others.
 ///
 /// # Errors
 /// As [`with_problem`], and any other world.
@@ -277,7 +277,7 @@ pub fn with_growth<V: VisitScalar>(place: &Place, visit: V) -> Result<V::Out> {
     }
 }
 
-/// The growth of the unscented particle filter's benchmark, from 1 on, filters knowing that with a variance of 3/4.
+/// The growth of the unscented particle filter's benchmark, from 1 on; filters know that with a variance of 3/4.
 ///
 /// # Errors
 /// None: the prior is a law.

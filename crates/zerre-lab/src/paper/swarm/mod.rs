@@ -1,9 +1,10 @@
-//! Particle filters that swarms move: the paper's table again, and the same filters held against the exact posterior.
+//! Particle filters that swarms move: the paper's table again, and the same filters held against the exact
+//! posterior.
 //!
-//! The paper lets a particle swarm or a colony of bees carry resampled particles to where the likelihood is largest. A
-//! [`Request`] names tables; they are made of [`Scene`]s, in each of which many filters see the same records, and
-//! [`SwarmFilters`] is all of it as an [`Experiment`]. A scene is done in blocks of runs, the [`Cell`]s, so that the
-//! exact posterior of a run is computed once and shared by all filters.
+//! The paper lets a particle swarm or a colony of bees carry resampled particles to where the likelihood is
+//! largest. A [`Request`] names tables; they are made of [`Scene`]s, in each of which many filters see the
+//! same records, and [`SwarmFilters`] is all of it as an [`Experiment`]. A scene is done in blocks of runs,
+//! the [`Cell`]s, so that the exact posterior of a run is computed once and shared by all filters.
 
 pub mod dimensions;
 mod methods;
@@ -52,6 +53,8 @@ pub const PAPER: Paper = Paper {
         "reading-o",
         "reading-p",
         "reading-s",
+        // An experiment of its own.
+        "dimensions",
     ],
 };
 
@@ -227,8 +230,8 @@ impl VisitScalar for Contest<'_> {
     }
 }
 
-/// The random numbers of run number `run` of a scene: truth and measurements of all variances and readings come from
-/// the same draws.
+/// The random numbers of run number `run` of a scene: truth and measurements of all variances and readings
+/// come from the same draws.
 fn luck(scene: Scene, seed: u64, run: usize) -> zerre::Result<Stream> {
     Ok(match scene {
         Scene::Paper { .. } => Stream::new(seed).fork(label(PAPER.name)).fork(run as u64),

@@ -32,8 +32,8 @@ pub const CYCLES: u32 = 40;
 /// Trials after which a food source is given up, where there are scouts.
 pub const LIMIT: u32 = 60;
 
-/// The paper's filters as they are taken: the swarm looks for the likelihood alone, "weights are normalised" after it by
-/// weighing the particles where they are then, and their mean is the estimate.
+/// The paper's filters as they are taken: the swarm looks for the likelihood alone, "weights are normalised"
+/// after it by weighing the particles where they are then, and their mean is the estimate.
 pub const PLAIN: Readings = Readings {
     fitness: Fitness::Likelihood,
     weights: MovedWeights::Refit,
@@ -41,9 +41,10 @@ pub const PLAIN: Readings = Readings {
     repetitions: 1,
 };
 
-/// What the paper may mean. It says neither how its gamma noise is parametrised nor what its variances are of, and
-/// contradicts itself in both. `n` was found by trying all of these, and more, with many variants of the filters,
-/// and taking the one nearest to the printed numbers: it is compatible with them, and not proved by them.
+/// What the paper may mean. It says neither how its gamma noise is parametrised nor what its variances are
+/// of, and contradicts itself in both. `n` was found by trying all of these, and more, with many variants of
+/// the filters, and taking the one nearest to the printed numbers: it is compatible with them, and not proved
+/// by them.
 pub const READINGS: [Reading; 12] = [
     reading("a", (Noise::Rate, Variance::Q), (Noise::Rate, Variance::Q)),
     reading("b", (Noise::Scale, Variance::Q), (Noise::Scale, Variance::Q)),
@@ -81,9 +82,11 @@ pub struct World {
     pub steps: usize,
     /// Nodes of the exact filter.
     pub nodes: usize,
-    /// Particles that sigma points guide, for each of the budgets: where points are drawn anew they cost more.
+    /// Particles that sigma points guide, for each of the budgets: where points are drawn anew they cost
+    /// more.
     pub guided: [usize; 2],
-    /// Particles that a likelihood is tempered for, for each of the budgets: what one costs is found on the way.
+    /// Particles that a likelihood is tempered for, for each of the budgets: what one costs is found on the
+    /// way.
     pub tempered: [usize; 2],
     /// Whether its measurement is that of the unscented particle filter's benchmark.
     pub is_benchmark: bool,
@@ -136,15 +139,15 @@ pub const WORLDS: [World; 5] = [
         row: "upf",
         q: 1e-5,
         steps: 60,
-        nodes: 1000,
+        nodes: 600,
         guided: [6, 138],
         tempered: [6, 68],
         is_benchmark: true,
     },
 ];
 
-/// Evaluations of the likelihood a step that sound filters may spend, the paper's sizes being the larger: 10 weights,
-/// 10 of the colony and 40 cycles of 20.
+/// Evaluations of the likelihood a step that sound filters may spend, the paper's sizes being the larger: 10
+/// weights, 10 of the colony and 40 cycles of 20.
 pub const BUDGETS: [usize; 2] = [40, 820];
 /// Particles of the bootstrap filter, which is the yardstick, beside those.
 pub const BOOTSTRAPS: [usize; 5] = [10, 30, 40, 100, 820];
@@ -152,8 +155,9 @@ pub const BOOTSTRAPS: [usize; 5] = [10, 30, 40, 100, 820];
 pub const MOVED: [usize; 2] = [20, 100];
 /// Moves after each part of a tempered likelihood; how many particles the budgets buy depends on the world.
 pub const TEMPERED_SWEEPS: [u32; 2] = [1, 2];
-/// Particles of the swarm that is a proposal, and its iterations. Of 40 x 18, 100 x 6, 160 x 3, 200 x 2 and 270 x 1, of
-/// current and best positions and of bees, by 120 runs: few rounds of many do best, all but equally.
+/// Particles of the swarm that is a proposal, and its iterations. Of 40 x 18, 100 x 6, 160 x 3, 200 x 2 and
+/// 270 x 1, of current and best positions and of bees, by 120 runs: few rounds of many do best, all but
+/// equally.
 pub const IMPORTANCE: [(usize, u32); 2] = [(13, 1), (200, 2)];
 /// Particles of the filter that predicts measurements, by whose innovations the models are judged.
 pub const JUDGE: usize = 820;

@@ -25,8 +25,9 @@ pub struct Row {
     pub reading: &'static str,
     /// Evaluations of the likelihood a step, as counted.
     pub evaluations: usize,
-    /// `rmse`, `crps`, `coverage90`; in the honest table `rmse_ratio` and `crps_ratio` (to the exact filter on the same
-    /// runs), `posterior_error`, `w1`, `pull`, `spread`, `straight_error`, `ess`, `microseconds_per_step`; `nis`.
+    /// `rmse`, `crps`, `coverage90`; in the honest table `rmse_ratio` and `crps_ratio` (to the exact filter
+    /// on the same runs), `posterior_error`, `w1`, `pull`, `spread`, `straight_error`, `ess`,
+    /// `microseconds_per_step`; `nis`.
     pub metric: &'static str,
     /// `mean` or `median` over runs; `p5` and `p95` of single runs.
     pub statistic: &'static str,
@@ -229,7 +230,7 @@ impl<'a> Results<'a> {
 
     /// What the paper prints of a filter in its model, whatever the reading.
     pub(super) fn printed(&self, (scene, at): Place) -> Option<f64> {
-        let Scene::Paper { steps, q, variants: false, .. } = scene else { return None };
+        let Scene::Paper { steps, q, .. } = scene else { return None };
         self.printed.rmse(steps, q, self.runs((scene, at)).0.name)
     }
 

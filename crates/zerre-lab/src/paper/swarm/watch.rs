@@ -322,19 +322,26 @@ pub struct Run {
     /// Share of steps whose central 90 % interval held the truth.
     pub coverage90: f64,
     /// Root mean square difference of the estimates from the means of the exact posterior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub posterior_error: Option<f64>,
     /// Mean 1-Wasserstein distance to the exact posterior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub w1: Option<f64>,
     /// Root mean square shift of the mean by the move, in standard deviations of the exact posterior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pull: Option<f64>,
     /// Root mean square spread of the particles after the move over that before, where there is some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
     /// Mean normalised innovation squared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nis: Option<f64>,
     /// Mean effective sample size of the weights as a share of the particles, before any move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ess: Option<f64>,
-    /// Root mean square error where the measurement is straight, in standard deviations of the estimate of the state
-    /// by one measurement alone.
+    /// Root mean square error where the measurement is straight, in standard deviations of the estimate of
+    /// the state by one measurement alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub straight_error: Option<f64>,
     /// Mean evaluations of the likelihood a step.
     pub evaluations: f64,
@@ -347,8 +354,9 @@ pub struct Run {
 }
 
 impl Run {
-    /// Scores `followed`. A filter that is lost keeps its last estimate, at first `start`, and says no more how sure it
-    /// is. `alone` is the standard deviation of the state given one straight measurement, where there are such.
+    /// Scores `followed`. A filter that is lost keeps its last estimate, at first `start`, and says no more
+    /// how sure it is. `alone` is the standard deviation of the state given one straight measurement, where
+    /// there are such.
     pub fn of(
         record: &Record<1, 1>,
         followed: &Followed,
