@@ -110,7 +110,7 @@ impl Results<'_> {
             let long = of("abc-pf-40", PARTICLES);
             text += &format!(
                 " Told {} (reading {reading}), the colony of {PARTICLES} bees errs by {} at Q = {}, after 40 cycles by {}, the \
-                 same particles without it by {}, and as many evaluations spent on {} plain particles leave {}.",
+                 same particles without it by {}, and {} plain particles, which cost no more, by {}.",
                 told(reading)?,
                 self.list(&swarm, RMSE)?,
                 joined(&VARIANCES.map(|q| q.to_string())),
@@ -251,12 +251,7 @@ impl Results<'_> {
         let sampled = self.places(scene).filter(|place| self.runs(*place).0.how != How::Exact);
         let place = sampled.min_by(|a, b| error(a).total_cmp(&error(b)))?;
         let ratio = self.measured(place, RMSE_RATIO)?;
-        Some(format!(
-            "{} {} ({} times the exact)",
-            WORLDS[at].name,
-            self.label(place),
-            Shown::from(ratio.value).text
-        ))
+        Some(format!("{} {} ({:.3} times the exact)", WORLDS[at].name, self.label(place), ratio.value))
     }
 }
 
