@@ -145,12 +145,12 @@ where
         update_law(transform, measurement, gate, law, z, to)
     };
     let update = z.map(|z| move |gate: Option<f64>, law: &Gaussian<N>| update(z, gate, law));
-    let update = update.as_ref().map(|update| update as &dyn Fn(Option<f64>, &Gaussian<N>) -> _);
+    let update = update.as_ref().map(|update| update as &UpdateLaw<'_, N>);
     step_modes(model.chain(), belief, (from, to), gate, &predict, update)
 }
 
-/// A law updated under a gate, and what that came to.
-type Updated<const N: usize> = Result<(Gaussian<N>, Update)>;
+/// Updates a law under a gate.
+type UpdateLaw<'a, const N: usize> = dyn Fn(Option<f64>, &Gaussian<N>) -> Result<(Gaussian<N>, Update)> + 'a;
 
 /// The step, whatever the models are: it is compiled once for each size of the state.
 fn step_modes<const N: usize>(
@@ -159,7 +159,7 @@ fn step_modes<const N: usize>(
     (from, to): (Time, Time),
     gate: Option<f64>,
     predict: &dyn Fn(usize, &Gaussian<N>) -> Result<Gaussian<N>>,
-    update: Option<&dyn Fn(Option<f64>, &Gaussian<N>) -> Updated<N>>,
+    update: Option<&UpdateLaw<'_, N>>,
 ) -> Result<Update> {
     let modes = belief.len();
     if to < from {

@@ -20,7 +20,7 @@ use crate::time::Time;
 /// x_j before the step. Its points s_j, frozen, make the proposal q(x) = a P(x) + (1 - a) / n sum_j N(x; s_j, H), from
 /// which n new particles are drawn and weighed by p(z | x) P(x) / q(x). The share a of the prediction bounds the
 /// weights by p(z | x) / a, however wrong the swarm is (Hesterberg, Technometrics 37, 1995). H is the covariance of
-/// the swarm, scaled as kernels are, plus a little of the prediction's where the swarm has contracted.
+/// the swarm, scaled by what the fitness of its points says of how far it has contracted.
 ///
 /// Any swarm leaves the posterior as it is, in mean and in evidence; a good one leaves the weights alike. The cost is
 /// of the order of n^2 densities of the transition for each round of the swarm. The motion must have such a density.
@@ -158,7 +158,7 @@ where
         let found = self.swarm.search(spare, densities, search);
         let points = &*spare;
 
-        let kernel = About { factor: kernel_factor(points, &spread) };
+        let kernel = About { factor: kernel_factor(points, (densities, found.fitness), &spread) };
         let second = Time::from_nanos(1_000_000_000);
         // One particle has no spread to make a kernel of: the prediction is all there is.
         let kernels = Some(n).filter(|n| *n > 1);
@@ -243,21 +243,39 @@ fn log_add(a: f64, b: f64) -> f64 {
     if large == f64::NEG_INFINITY { large } else { large + Real::ln(1.0 + Real::exp(small - large)) }
 }
 
-/// Some D with D D' = h^2 C + LEAST^2 V, C being the covariance of the points, V the variances of the prediction and h
-/// the width of the best kernel for a normal law.
-fn kernel_factor<const N: usize>(points: &[Vec<f64>; N], spread: &Matrix<N, N>) -> Matrix<N, N> {
+/// Some D with D D' = s C + LEAST^2 V, C being the covariance of the points and V the variances of the prediction.
+///
+/// The scale s is h^2, h being the width of the best kernel for a normal law, or more where the swarm has contracted: of
+/// points whose covariance is c times that of a normal law in d components, the log-density is c d / 2 below its largest
+/// value on average. Their fitness therefore tells c, and s = 1 / c gives the kernels the width of that law, as far as it
+/// is not wider than the prediction.
+fn kernel_factor<const N: usize>(
+    points: &[Vec<f64>; N],
+    (fitness, best): (&[f64], f64),
+    spread: &Matrix<N, N>,
+) -> Matrix<N, N> {
     let n = points.first().map_or(0, Vec::len);
     let [mean, _] = moments(points);
     let (h, _) = Kernel::Gaussian.bandwidth(n, N);
-    let variances = (*spread * spread.transpose()).diagonal();
-    let mut covariance = Matrix::from_diagonal(variances.map(|v| LEAST * LEAST * v));
+    let mut covariance = Matrix::<N, N>::ZERO;
     for i in 0..n {
         let d: [f64; N] = std::array::from_fn(|k| points[k][i] - mean[k]);
         for r in 0..N {
             for c in 0..N {
-                covariance.0[r][c] += h * h * d[r] * d[c] / n as f64;
+                covariance.0[r][c] += d[r] * d[c] / n as f64;
             }
         }
     }
-    Cholesky::semidefinite("covariance of the swarm", &covariance).unwrap_or(Matrix::ZERO)
+    let variances = (*spread * spread.transpose()).diagonal();
+    let (found, mut widest) = (covariance.diagonal(), f64::INFINITY);
+    for (&own, &most) in found.iter().zip(&variances) {
+        if own > 0.0 {
+            widest = widest.min(most / own);
+        }
+    }
+    let below = fitness.iter().map(|fit| best - fit).sum::<f64>() / n as f64;
+    let scale = (0.5 * N as f64 / below).min(widest).max(h * h);
+    let scale = if scale.is_finite() { scale } else { h * h };
+    let least = Matrix::from_diagonal(variances.map(|v| LEAST * LEAST * v));
+    Cholesky::semidefinite("covariance of the swarm", &(covariance * scale + least)).unwrap_or(Matrix::ZERO)
 }

@@ -1,17 +1,17 @@
 //! The filters that compete, and how each fares in a run.
 
-use super::settings::{MOST_PAIRS, STEPS};
+use super::settings::{INERTIA, PROPOSING_CYCLES, PROPOSING_ITERATIONS, PULL, STEPS};
 use super::world::{Exact, Relaxing, prior, times};
 use serde::{Deserialize, Serialize};
 use zerre::belief::{Cloud, MovedCloud};
 use zerre::filter::{
-    Filter, Outcome, ParticleFilter, ResampleMove, Settings, SwarmImportance, Tangent, Tempered,
+    Filter, Outcome, ParticleFilter, ResampleMove, Settings, SigmaPoints, SwarmImportance, Tangent, Tempered,
 };
 use zerre::model::{GaussianMeasurement, Measurement};
 use zerre::moves::Move;
 use zerre::proposal::Guided;
 use zerre::rng::Stream;
-use zerre::swarm::{BeeColony, Coordinates, Swarm};
+use zerre::swarm::{BeeColony, Coordinates, ParticleSwarm, Positions, Swarm};
 use zerre::{Result, Time};
 
 /// A filter that competes.
@@ -30,9 +30,11 @@ pub struct Competitor {
 enum Kind {
     Bootstrap { lookahead: Option<f64> },
     Guided,
+    GuidedByPoints,
     Moved(Move),
     Tempered(Move, u32),
-    Importance,
+    Bees,
+    Particles,
 }
 
 const fn rival(name: &'static str, about: &'static str, kind: Kind) -> Competitor {
@@ -46,7 +48,7 @@ const fn swarm(name: &'static str, about: &'static str, kind: Kind) -> Competito
 const WALK: Move = Move::RandomWalk { scale: None };
 
 /// All of them.
-pub const COMPETITORS: [Competitor; 10] = [
+pub const COMPETITORS: [Competitor; 12] = [
     rival("bootstrap", "proposes by the motion", Kind::Bootstrap { lookahead: None }),
     rival(
         "auxiliary",
@@ -54,6 +56,7 @@ pub const COMPETITORS: [Competitor; 10] = [
         Kind::Bootstrap { lookahead: Some(1.0) },
     ),
     rival("ekf-guided", "proposes by the tangent of the measurement", Kind::Guided),
+    rival("ukf-guided", "proposes by sigma points, iterated where they are far off", Kind::GuidedByPoints),
     rival("resample-move", "survivors take a random-walk step", Kind::Moved(WALK)),
     rival("tempered", "the likelihood by degrees, a random-walk step after each", Kind::Tempered(WALK, 1)),
     rival("tempered-3", "the same with three steps", Kind::Tempered(WALK, 3)),
@@ -64,7 +67,8 @@ pub const COMPETITORS: [Competitor; 10] = [
         Kind::Tempered(Move::Stretch, 1),
     ),
     swarm("tempered-stretch-3", "the same with three steps", Kind::Tempered(Move::Stretch, 3)),
-    swarm("swarm-importance", "two cycles of bees as a proposal, weighed", Kind::Importance),
+    swarm("bee-importance", "a bee colony as a proposal, weighed", Kind::Bees),
+    swarm("swarm-importance", "a particle swarm as a proposal, weighed", Kind::Particles),
 ];
 
 /// How a filter fared in a run.
@@ -99,11 +103,6 @@ impl<const D: usize> Particles<D> for MovedCloud<D> {
 }
 
 impl Competitor {
-    /// Whether it takes part with so many evaluations a step.
-    pub fn competes(&self, budget: usize) -> bool {
-        self.kind != Kind::Importance || budget <= MOST_PAIRS
-    }
-
     /// One run with so many particles.
     ///
     /// # Errors
@@ -134,9 +133,26 @@ impl Competitor {
             Kind::Tempered(kernel, sweeps) => {
                 follow(&Tempered::new(plain(settings)?, kernel, sweeps)?, record, stream)
             }
-            Kind::Importance => {
-                let colony = BeeColony { cycles: 2, coordinates: Coordinates::All, ..BeeColony::default() };
-                follow(&SwarmImportance::new(plain(settings)?, Swarm::Bees(colony))?, record, stream)
+            Kind::GuidedByPoints => {
+                let guide = Guided::new(SigmaPoints::default());
+                let filter = ParticleFilter::guided(prior, motion, sensor.clone(), guide, settings)?;
+                follow(&filter, record, stream)
+            }
+            Kind::Bees => {
+                let coordinates = Coordinates::All;
+                let bees = BeeColony { cycles: PROPOSING_CYCLES, coordinates, ..BeeColony::default() };
+                follow(&SwarmImportance::new(plain(settings)?, Swarm::Bees(bees))?, record, stream)
+            }
+            Kind::Particles => {
+                let swarm = ParticleSwarm {
+                    iterations: PROPOSING_ITERATIONS,
+                    inertia: INERTIA,
+                    cognitive: PULL,
+                    social: PULL,
+                    positions: Positions::PersonalBest,
+                    bounds: None,
+                };
+                follow(&SwarmImportance::new(plain(settings)?, Swarm::Particles(swarm))?, record, stream)
             }
         }
     }

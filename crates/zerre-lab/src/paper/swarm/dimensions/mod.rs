@@ -15,7 +15,7 @@ use report::Results;
 use serde::{Deserialize, Serialize};
 use settings::{BUDGETS, CHOICE_SEED, DIMENSIONS, PILOTS, QUICK_RUNS, RUNS, SHARPNESS, TOGETHER};
 use std::collections::BTreeMap;
-use world::{Exact, Ranges, draw};
+use world::{Exact, Exponentials, Ranges, draw};
 use zerre::Result;
 use zerre::model::measurement::Position;
 use zerre::model::{GaussianMeasurement, Measurement};
@@ -30,18 +30,21 @@ pub const SETTINGS: SettingsFile =
 pub enum World {
     /// Every component: the posterior is normal.
     Places,
+    /// The exponential of every component: the posterior has one mode, and no tangent is near to it.
+    Exponentials,
     /// A distance in each plane: the posterior is an arc in each.
     Ranges,
 }
 
 impl World {
     /// All of them.
-    pub const ALL: [World; 2] = [World::Places, World::Ranges];
+    pub const ALL: [World; 3] = [World::Places, World::Exponentials, World::Ranges];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             World::Places => "places",
+            World::Exponentials => "exponentials",
             World::Ranges => "ranges",
         }
     }
@@ -122,9 +125,6 @@ impl Dimensions {
         let mut bouts = Vec::new();
         for (budget, &evaluations) in BUDGETS.iter().enumerate() {
             for (filter, competitor) in COMPETITORS.iter().enumerate() {
-                if !competitor.competes(evaluations) {
-                    continue;
-                }
                 // What a particle costs depends on the measurements, and a little on how many there are.
                 let mut particles = evaluations / 4;
                 for _ in 0..2 {
@@ -159,6 +159,10 @@ impl Dimensions {
             World::Places => {
                 let sensor = Position::<D>::new(sd)?;
                 self.contest::<D, D, _>(cell, &sensor, |measured| Exact::of_places(sd, measured), stop)
+            }
+            World::Exponentials => {
+                let sensor = Exponentials::<D> { sd };
+                self.contest::<D, D, _>(cell, &sensor, |measured| Exact::of_exponentials(sd, measured), stop)
             }
             World::Ranges => {
                 let sensor = Ranges::<M> { sd };
@@ -201,10 +205,7 @@ impl Experiment for Dimensions {
     }
 
     fn cost(&self, cell: &Cell) -> u64 {
-        let per_run: usize = BUDGETS
-            .iter()
-            .map(|budget| budget * COMPETITORS.iter().filter(|filter| filter.competes(*budget)).count())
-            .sum();
+        let per_run = BUDGETS.iter().sum::<usize>() * COMPETITORS.len();
         let runs = TOGETHER.min(self.runs - cell.first);
         (per_run * settings::STEPS * runs * DIMENSIONS[cell.scene.dimension]) as u64 / 1000
     }
@@ -259,17 +260,18 @@ mod tests {
                 bouts.iter().find(|b| COMPETITORS[b.filter].name == "ekf-guided" && b.budget == bout.budget);
             assert!(error(bout) >= error(guided.unwrap()), "{name}");
         }
-        assert_eq!(bouts.len(), 2 * COMPETITORS.len() - 1);
+        assert_eq!(bouts.len(), 2 * COMPETITORS.len());
     }
 
     #[test]
     fn every_run_is_in_one_cell_and_has_its_own_luck() {
-        let experiment = Dimensions::new(Some(7), false, 1);
+        let runs = TOGETHER + 2;
+        let experiment = Dimensions::new(Some(runs), false, 1);
         let cells = experiment.cells();
-        assert_eq!(cells.len(), 2 * DIMENSIONS.len() * SHARPNESS.len() * 2);
+        assert_eq!(cells.len(), 3 * DIMENSIONS.len() * SHARPNESS.len() * 2);
         let of = |seed| {
-            let cell = Cell { scene: cells[0].scene, first: 5 };
-            Dimensions::new(Some(7), false, seed).work(&cell, &|| false).unwrap().unwrap()
+            let cell = Cell { scene: cells[0].scene, first: TOGETHER };
+            Dimensions::new(Some(runs), false, seed).work(&cell, &|| false).unwrap().unwrap()
         };
         let (one, again, other) = (of(1), of(1), of(2));
         assert_eq!(one, again);

@@ -382,6 +382,9 @@ impl Results {
                 "Every component is measured. The posterior is normal, and the guided filter proposes from it as far as one \
                  step can."
             }
+            World::Exponentials => {
+                "The exponential of every component is measured. The posterior has one mode; a tangent says little of where."
+            }
             World::Ranges => {
                 "In each plane the distance from a beacon near by is measured. The posterior is an arc in each, and a tangent \
                  says little of it."

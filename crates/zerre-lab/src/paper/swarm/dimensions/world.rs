@@ -31,6 +31,71 @@ impl<const D: usize> Motion<D, D> for Relaxing<D> {
     }
 }
 
+/// exp(x) of each component.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exponentials<const D: usize> {
+    /// Standard deviation of each.
+    pub sd: f64,
+}
+
+/// Numbers with independent noise of one standard deviation, digested.
+#[derive(Clone, Copy, Debug)]
+pub struct Given<const M: usize> {
+    z: [f64; M],
+    per_sd: f64,
+    constant: f64,
+}
+
+impl<const M: usize> Given<M> {
+    fn of(z: &[f64; M], sd: f64) -> Given<M> {
+        let constant = -(M as f64) * ((2.0 * std::f64::consts::PI).sqrt() * sd).ln();
+        Given { z: *z, per_sd: 1.0 / sd, constant }
+    }
+
+    #[inline(always)]
+    fn log_likelihood<R: Real>(&self, foretold: [R; M]) -> R {
+        let mut sum = foretold[0].constant(0.0);
+        for k in 0..M {
+            let r = (foretold[k] - self.z[k]) * self.per_sd;
+            sum = r.mul_add(r, sum);
+        }
+        sum * -0.5 + self.constant
+    }
+}
+
+fn alike<const M: usize>(sd: f64) -> [[f64; M]; M] {
+    std::array::from_fn(|i| std::array::from_fn(|j| if i == j { sd * sd } else { 0.0 }))
+}
+
+impl<const D: usize> Measurement<D> for Exponentials<D> {
+    type Value = [f64; D];
+    type Given<'z> = Given<D>;
+
+    fn given<'z>(&'z self, z: &'z [f64; D], _: Time) -> Result<Given<D>> {
+        Ok(Given::of(z, self.sd))
+    }
+
+    #[inline(always)]
+    fn log_likelihood<R: Real>(given: &Given<D>, x: [R; D]) -> R {
+        given.log_likelihood(x.map(Real::exp))
+    }
+}
+
+impl<const D: usize> GaussianMeasurement<D, D> for Exponentials<D> {
+    #[inline(always)]
+    fn predict<R: Real>(&self, _: Time, x: [R; D]) -> [R; D] {
+        x.map(Real::exp)
+    }
+
+    fn components(&self, z: &[f64; D]) -> [f64; D] {
+        *z
+    }
+
+    fn covariance(&self) -> [[f64; D]; D] {
+        alike(self.sd)
+    }
+}
+
 /// Distances from a beacon at (-[`BEACON`], 0) in each of M planes, components 2 k and 2 k + 1 being plane k.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ranges<const M: usize> {
@@ -38,31 +103,17 @@ pub struct Ranges<const M: usize> {
     pub sd: f64,
 }
 
-/// Distances of [`Ranges`], digested.
-#[derive(Clone, Copy, Debug)]
-pub struct RangesGiven<const M: usize> {
-    z: [f64; M],
-    per_sd: f64,
-    constant: f64,
-}
-
 impl<const D: usize, const M: usize> Measurement<D> for Ranges<M> {
     type Value = [f64; M];
-    type Given<'z> = RangesGiven<M>;
+    type Given<'z> = Given<M>;
 
-    fn given<'z>(&'z self, z: &'z [f64; M], _: Time) -> Result<RangesGiven<M>> {
-        let constant = -(M as f64) * ((2.0 * std::f64::consts::PI).sqrt() * self.sd).ln();
-        Ok(RangesGiven { z: *z, per_sd: 1.0 / self.sd, constant })
+    fn given<'z>(&'z self, z: &'z [f64; M], _: Time) -> Result<Given<M>> {
+        Ok(Given::of(z, self.sd))
     }
 
     #[inline(always)]
-    fn log_likelihood<R: Real>(given: &RangesGiven<M>, x: [R; D]) -> R {
-        let mut sum = x[0].constant(0.0);
-        for k in 0..M {
-            let r = (range(x, k) - given.z[k]) * given.per_sd;
-            sum = r.mul_add(r, sum);
-        }
-        sum * -0.5 + given.constant
+    fn log_likelihood<R: Real>(given: &Given<M>, x: [R; D]) -> R {
+        given.log_likelihood(std::array::from_fn(|k| range(x, k)))
     }
 }
 
@@ -83,7 +134,7 @@ impl<const D: usize, const M: usize> GaussianMeasurement<D, M> for Ranges<M> {
     }
 
     fn covariance(&self) -> [[f64; M]; M] {
-        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { self.sd * self.sd } else { 0.0 }))
+        alike(self.sd)
     }
 }
 
@@ -157,6 +208,21 @@ impl Exact {
         for k in 0..M {
             exact.add(&filter, measured.iter().map(|z| z[k]), |belief: &GaussianBelief<1>| {
                 [[belief.state.mean()[0], belief.state.covariance().0[0][0].sqrt()]]
+            })?;
+        }
+        Ok(exact)
+    }
+
+    /// Of exponentials with this standard deviation: a grid for each component.
+    ///
+    /// # Errors
+    /// What the models refuse: none of those here.
+    pub fn of_exponentials<const M: usize>(sd: f64, measured: &[[f64; M]]) -> Result<Exact> {
+        let filter = Grid::new(prior::<1>()?, Relaxing::<1>, Exponentials::<1> { sd })?;
+        let mut exact = Exact::default();
+        for k in 0..M {
+            exact.add(&filter, measured.iter().map(|z| z[k]), |belief: &GridBelief<1>| {
+                [[belief.mean()[0], belief.covariance().0[0][0].sqrt()]]
             })?;
         }
         Ok(exact)
