@@ -6,9 +6,10 @@
 //! share of the steps on which the 90 % ellipsoid holds the truth; by how many nats the evidence of all measurements is
 //! off Kalman's; likelihood evaluations a step.
 //!
-//! Conclude: bees that move the particles to the maximum of the likelihood, as papers have them, look good here, since
-//! the measurement is nearly all there is to know. They no longer know how good: the ellipsoid is gone. The same colony as a
-//! proposal, its points weighed, is honest. A likelihood that is taken in by degrees is honest too, and needs no swarm.
+//! Conclude: of plain particles hardly one meets the measurement, and what survives is copies of it. Bees that start from
+//! copies have nothing to learn from each other: as papers have them, they stay where they are, and say that they are
+//! sure. The same colony, started from a prediction and used as a proposal whose points are weighed, finds the place and
+//! says how well it knows it. A likelihood that is taken in by degrees does as well, and needs no swarm.
 
 use std::error::Error as StdError;
 use zerre::belief::{Cloud, Gaussian, MovedCloud};
@@ -88,7 +89,7 @@ fn main() -> std::result::Result<(), Box<dyn StdError>> {
     show("particles, 4 000", &inside(4000, Trigger::default())?, &record, of_cloud, exact)?;
     let paper = SwarmFilter::new(inside(50, Trigger::Always)?, colony(39), Readings::default())?;
     show("bees as papers have them", &paper, &record, |belief| belief.cloud().gaussian(), exact)?;
-    let proposal = SwarmImportance::new(inside(200, Trigger::default())?, colony(9))?;
+    let proposal = SwarmImportance::new(inside(80, Trigger::default())?, colony(24))?;
     show("bees as a proposal, weighed", &proposal, &record, of_moved, exact)?;
     let tempered = Tempered::new(inside(400, Trigger::default())?, Move::default(), 1)?;
     show("by degrees, random walk", &tempered, &record, of_moved, exact)?;

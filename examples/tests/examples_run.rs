@@ -82,3 +82,15 @@ fn parameters_are_found_by_every_method() {
         "{text}"
     );
 }
+
+#[test]
+fn swarm_shows_what_is_sound() {
+    let text = output_of(env!("CARGO_BIN_EXE_07_swarm"));
+    let errors = |line: &str| number(&text, line, line);
+    let exact = errors("Kalman");
+    assert!(errors("bees as papers have them") > 3.0 * exact, "{text}");
+    for sound in ["bees as a proposal, weighed", "by degrees, random walk", "by degrees, exact bee move"] {
+        // Some 80 to 400 particles: their mean errs by a fifth of a standard deviation at most, 2 % of the error.
+        assert!(errors(sound) < 1.15 * exact, "{text}");
+    }
+}

@@ -123,9 +123,12 @@ impl Portrait {
             let line = |(e, steps): &(Entrant, Vec<Step>)| {
                 self.line(e.name, steps.iter().map(|step| of(step).unwrap_or(f64::NAN)))
             };
-            self.ways.iter().map(line).collect()
+            let moves = |(_, steps): &&(Entrant, Vec<Step>)| steps.iter().any(|step| step.pull.is_some());
+            self.ways.iter().filter(moves).map(line).collect()
         };
-        let ratio = |step: &Step| step.spread.filter(|[before, _]| *before > 0.0).map(|[a, b]| b / a);
+        // Copies of one particle have no spread but what rounding leaves of it.
+        let rounding = |step: &Step| 1e-9 * (1.0 + step.estimate.abs());
+        let ratio = |step: &Step| step.spread.filter(|[a, _]| *a > rounding(step)).map(|[a, b]| b / a);
         [
             self.figure(
                 "Shift of the mean by the move",

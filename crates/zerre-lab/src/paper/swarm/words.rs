@@ -15,7 +15,8 @@ const THREE: [&str; 3] = ["pf", "pso-pf", "abc-pf"];
 impl Results<'_> {
     /// When a swarm helps, when it lies, and what shows it; as far as it was computed.
     pub(super) fn plain_words(&self) -> Section {
-        let said = [self.reproduced(), self.helps(), self.lies(), self.shows(), self.sound()];
+        let said =
+            [self.in_short(), self.reproduced(), self.helps(), self.lies(), self.shows(), self.sound()];
         Section {
             title: "When a swarm helps, when it lies, and what shows it".to_owned(),
             paragraphs: said.into_iter().flatten().collect(),
@@ -48,6 +49,34 @@ impl Results<'_> {
         let value =
             |place: &Option<Place>| place.and_then(|place| self.measured(place, metric)).map(|e| e.value);
         first.iter().zip(second).all(|(a, b)| value(a) < value(b))
+    }
+
+    /// The whole in a few sentences, each only where the numbers bear it out.
+    fn in_short(&self) -> Option<String> {
+        let mut text =
+            "In short: a swarm drags particles to where the likelihood is greatest, and nothing takes that back.".to_owned();
+        let less = |reading: &str| -> Option<bool> {
+            let scenes = self.misfit(reading)?;
+            let of = |name| self.across(&scenes, name, Some(PARTICLES));
+            Some(self.is_less(&of("abc-pf"), &of("pf"), RMSE))
+        };
+        let [right, motion, noise] = [less(MISFIT[0])?, less(MISFIT[1])?, less(MISFIT[2])?];
+        if motion && noise {
+            text += " It helps a filter that is told a wrong motion, or far too much noise: then the measurement knows better \
+                      than the filter.";
+        }
+        let growth = self.growth()?;
+        let of = |name, particles| self.across(&growth, name, particles);
+        let (colony, plain) = (of("abc-pf-40", None), of("bootstrap", Some(PARTICLES)));
+        if !right && self.is_less(&plain, &colony, RMSE) && self.is_less(&colony, &plain, COVERAGE) {
+            text += " It lies to a filter that is told the truth: the error grows with every cycle, the spread goes, and \
+                      intervals no longer hold the state.";
+        }
+        if self.is_less(&of("stretch-move", Some(MOVED[1])), &colony, PULL) {
+            text += " Look at coverage, at the pull of the move and at what it leaves of the spread, and at innovations before \
+                      any swarm is switched on; the effective sample size of before the move shows nothing.";
+        }
+        Some(text)
     }
 
     /// How the printed numbers compare with ours.
