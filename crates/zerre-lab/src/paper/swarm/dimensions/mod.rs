@@ -125,8 +125,9 @@ impl Dimensions {
         let mut bouts = Vec::new();
         for (budget, &evaluations) in BUDGETS.iter().enumerate() {
             for (filter, competitor) in COMPETITORS.iter().enumerate() {
-                // What a particle costs depends on the measurements, and a little on how many there are.
-                let mut particles = evaluations / 4;
+                // What a particle costs depends on the measurements, and a little on how many there are. Few to begin
+                // with: a proposal by a swarm costs the square of their number in time.
+                let mut particles = (evaluations / 100).max(20);
                 for _ in 0..2 {
                     let mut cost = 0.0;
                     for (stream, measured, exact) in &pilots {

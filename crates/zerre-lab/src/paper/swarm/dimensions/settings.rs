@@ -8,7 +8,7 @@ pub const RUNS: usize = 20;
 /// Runs of each cell of the short version.
 pub const QUICK_RUNS: usize = 10;
 /// Runs that are done together: the trial runs are made again for each such lot.
-pub const TOGETHER: usize = 20;
+pub const TOGETHER: usize = 10;
 /// Seed of the runs that say how many particles a budget buys; other seeds are reported.
 pub const CHOICE_SEED: u64 = 1001;
 /// Runs of that seed.
