@@ -259,7 +259,8 @@ mod tests {
             }
             let guided =
                 bouts.iter().find(|b| COMPETITORS[b.filter].name == "ekf-guided" && b.budget == bout.budget);
-            assert!(error(bout) >= error(guided.unwrap()), "{name}");
+            // Sigma points propose the same there, with their own luck.
+            assert!(name.ends_with("-guided") || error(bout) > error(guided.unwrap()), "{name}");
         }
         assert_eq!(bouts.len(), 2 * COMPETITORS.len());
     }
