@@ -5,11 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What each package may depend on within the workspace.
-const MAY_USE: [(&str, &[&str]); 5] = [
+const MAY_USE: [(&str, &[&str]); 6] = [
     ("zerre", &[]),
     ("zerre-io", &["zerre"]),
-    ("zerre-lab", &["zerre"]),
-    ("zerre-cli", &["zerre", "zerre-io", "zerre-lab"]),
+    ("zerre-vision", &["zerre"]),
+    ("zerre-lab", &["zerre", "zerre-vision"]),
+    ("zerre-cli", &["zerre", "zerre-io", "zerre-lab", "zerre-vision"]),
     ("zerre-examples", &["zerre", "zerre-io", "zerre-lab"]),
 ];
 
