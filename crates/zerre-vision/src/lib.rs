@@ -6,6 +6,7 @@
 
 mod error;
 pub mod image;
+pub mod operator;
 mod rect;
 pub mod tracker;
 
