@@ -2,6 +2,7 @@
 
 use super::odd;
 use crate::{Error, Image, Rect, Result};
+use fearless_simd::{Level, dispatch};
 use zerre::math::{exp, ln};
 
 /// (K1 255)^2 and (K2 255)^2 with K1 = 0.01 and K2 = 0.03: what keeps the quotients finite.
@@ -58,6 +59,7 @@ impl Columns {
     }
 
     /// Adds the products of two rows.
+    #[inline(always)]
     fn enter(&mut self, a: &[u8], b: &[u8]) {
         for ((sum, &a), &b) in self.sums.iter_mut().zip(a).zip(b) {
             *sum = sum.wrapping_add(u32::from(u16::from(a) * u16::from(b)));
@@ -65,6 +67,7 @@ impl Columns {
     }
 
     /// Takes the products of two rows away.
+    #[inline(always)]
     fn leave(&mut self, a: &[u8], b: &[u8]) {
         for ((sum, &a), &b) in self.sums.iter_mut().zip(a).zip(b) {
             *sum = sum.wrapping_sub(u32::from(u16::from(a) * u16::from(b)));
@@ -72,6 +75,7 @@ impl Columns {
     }
 
     /// The sums over all windows of `side` columns, from the left; none exceeds 32 bits.
+    #[inline(always)]
     fn windows(&mut self) -> impl Iterator<Item = u32> + '_ {
         let mut sum = 0_u32;
         for (before, &column) in self.before[1..].iter_mut().zip(&self.sums) {
@@ -132,7 +136,7 @@ impl Ssim {
         let ones = vec![1; width];
         let mut sums = Columns::new(self.side, width);
         let mut squares = Columns::new(self.side, width);
-        let n = (self.side * self.side) as u64;
+        let n = (self.side * self.side) as f64;
         for y in 0..height {
             let row = image.row(y);
             sums.enter(row, &ones);
@@ -140,9 +144,10 @@ impl Ssim {
             let Some(upper) = (y + 1).checked_sub(self.side) else { continue };
             let target = means.row_mut(upper).iter_mut().zip(variances.row_mut(upper));
             for (((mean, variance), sum), square) in target.zip(sums.windows()).zip(squares.windows()) {
-                let (sum, square) = (u64::from(sum), u64::from(square));
-                *mean = sum as f64 / n as f64;
-                *variance = (n * square - sum * sum) as f64 / (n * (n - 1)) as f64;
+                // Integers below 2^53: only the quotients are rounded.
+                let (sum, square) = (f64::from(sum), f64::from(square));
+                *mean = sum / n;
+                *variance = (n * square - sum * sum) / (n * (n - 1.0));
             }
             let row = image.row(upper);
             sums.leave(row, &ones);
@@ -178,6 +183,20 @@ impl Ssim {
 
     /// Calls `each` with every row of windows of `template` against the part of `scene` at a corner.
     fn rows(
+        &self,
+        template: &Windows,
+        scene: &Windows,
+        corner: (usize, usize),
+        columns: &mut Columns,
+        values: &mut [f64],
+        each: impl FnMut(&[f64]),
+    ) {
+        // The same code for every SIMD level, which the compiler widens; nothing in it depends on the width.
+        dispatch!(Level::new(), _simd => self.rows_here(template, scene, corner, columns, values, each));
+    }
+
+    #[inline(always)]
+    fn rows_here(
         &self,
         template: &Windows,
         scene: &Windows,
