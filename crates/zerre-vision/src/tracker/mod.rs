@@ -1,5 +1,12 @@
 //! Trackers: they start on a box in a frame and say in every further frame where the object is, and how sure they are.
 
+mod appearance;
+
+pub use appearance::{
+    AppearanceSettings, AppearanceTracker, CentreWeight, Deviation, Equalisation, FlowUse, Similarity,
+    TemplateUpdate,
+};
+
 use crate::{Frame, Rect, Result};
 use serde::{Deserialize, Serialize};
 
