@@ -111,3 +111,46 @@ fn structural_similarity_is_that_of_scikit_image() {
     ssim.scores(&template, &ssim.windows(other).unwrap(), &corners, &mut scores).unwrap();
     close(&scores, vectors.real("scores"), tolerance);
 }
+
+#[test]
+fn corners_are_those_of_opencv() {
+    let vectors = Vectors::read("flow");
+    let image = vectors.grey("second");
+    let boxed = Rect { x: 20.0, y: 12.0, width: 64.0, height: 48.0 };
+    for (name, bounds, side) in [("corners", whole(&image), 3), ("corners_box", boxed, 5)] {
+        let settings = operator::Corners { count: 30, quality: 0.05, distance: 6.5, side };
+        let corners = operator::corners(&image, bounds, &settings).unwrap();
+        // The same pixels in the same order.
+        assert_eq!(corners.as_flattened(), vectors.real(name), "{name}");
+    }
+}
+
+#[test]
+fn optical_flow_is_that_of_opencv() {
+    let vectors = Vectors::read("flow");
+    let (first, second) = (vectors.grey("first"), vectors.grey("second"));
+    assert_eq!(operator::Pyramid::new(first.clone(), 1, 9).levels()[1], vectors.grey("half"));
+    let (points, _) = vectors.real("points").as_chunks::<2>();
+    for (name, side, levels) in [("default", 21, 3), ("small", 9, 1), ("flat", 15, 0)] {
+        let tracker = operator::LucasKanade { side, levels, ..operator::LucasKanade::default() };
+        let [from, to] = [&first, &second].map(|image| tracker.pyramid(image.clone()));
+        let mut flows = Vec::new();
+        tracker.track(&from, &to, points, &mut flows).unwrap();
+        let (expected, _) = vectors.real(&format!("flow_{name}")).as_chunks::<4>();
+        let mut right = 0;
+        for ((flow, start), &[x, y, found, residual]) in flows.iter().zip(points).zip(expected) {
+            assert_eq!(flow.found, found > 0.0, "{name}: {flow:?}");
+            // Half the step at which both stop: OpenCV rounds windows to 1/32 of a grey level, which moves their last
+            // steps, and its points are f32.
+            close(&flow.point, &[x, y], 5e-3);
+            close(&[flow.residual], &[residual], 1.0 / 32.0);
+            // Where the windows agree, the flow is that of the texture, (4.3, -2.6): rounded grey levels (0.29) over
+            // slopes of about twenty levels a pixel are a hundredth of a pixel, and bilinear values do the rest.
+            if flow.found && flow.residual < 1.3 {
+                assert!((flow.point[0] - start[0] - 4.3).hypot(flow.point[1] - start[1] + 2.6) < 0.05);
+                right += 1;
+            }
+        }
+        assert!(right >= 10, "{name}: only {right} points are on the texture");
+    }
+}

@@ -8,16 +8,20 @@
 //! make masks write 0 and 255.
 
 mod color;
+mod corner;
 mod equalize;
 mod filter;
+mod flow;
 mod histogram;
 mod integral;
 mod patch;
 mod ssim;
 
 pub use color::{channel, grey, hsv, lab, merge};
+pub use corner::{Corners, corners};
 pub use equalize::{clahe, equalize};
 pub use filter::{blur, blur_f32, gaussian_kernel};
+pub use flow::{Flow, LucasKanade, Pyramid};
 pub use histogram::{Histogram, bhattacharyya, bhattacharyya_distance};
 pub use integral::Integral;
 pub use patch::{Sample, crop, patch};

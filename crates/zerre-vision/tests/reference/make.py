@@ -128,7 +128,40 @@ def ssim():
     out.save()
 
 
+def waves(width, height, dx, dy):
+    """A texture without an edge, shifted by (dx, dy) pixels."""
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    x, y = x - dx, y - dy
+    parts = ((0.31, 0.12), (-0.17, 0.41), (0.5, -0.37), (0.08, 0.63), (0.71, 0.3))
+    return np.rint(128 + 22 * sum(np.sin(a * x + b * y + i) for i, (a, b) in enumerate(parts))).astype(np.uint8)
+
+
+def flow():
+    out = Vectors("flow")
+    first, second = waves(88, 66, 0, 0), waves(88, 66, 4.3, -2.6)
+    second[40:52, 60:75] = 90
+    out.put("first", first)
+    out.put("second", second)
+    out.put("half", cv2.pyrDown(first))
+    mask = np.zeros_like(first)
+    mask[12:60, 20:84] = 255
+    for name, area, side in (("corners", None, 3), ("corners_box", mask, 5)):
+        found = cv2.goodFeaturesToTrack(second, 30, 0.05, 6.5, mask=area, blockSize=side)
+        out.put(name, found[:, 0] + 0.5)
+    inside = cv2.goodFeaturesToTrack(first, 25, 0.01, 5)[:, 0]
+    points = np.vstack([inside, [[2, 3], [85.25, 62.5], [66.5, 45.5], [40.3, 30.9], [200, 10]]]).astype(np.float32)
+    out.put("points", points + 0.5)
+    for name, side, levels in (("default", 21, 3), ("small", 9, 1), ("flat", 15, 0)):
+        next, status, error = cv2.calcOpticalFlowPyrLK(
+            first, second, points, None, winSize=(side, side), maxLevel=levels
+        )
+        # The error of a lost point is whatever was in memory.
+        out.put(f"flow_{name}", np.hstack([next + 0.5, status, np.where(status > 0, error, 0)]))
+    out.save()
+
+
 if __name__ == "__main__":
     color()
     filters()
     ssim()
+    flow()
