@@ -7,6 +7,7 @@
 //! underflows for almost every box of a real frame: weights are logarithms here, and the sum is never zero.
 
 mod colour;
+mod flow;
 mod motion;
 mod place;
 mod resemblance;
@@ -19,6 +20,7 @@ pub use settings::{
 
 use super::{Estimate, Particle, Tracker};
 use crate::{Error, Frame, Rect, Result};
+use flow::Trail;
 use motion::{BoxMotion, STATE};
 use place::Place;
 use resemblance::{Resemblance, Spare, Template};
@@ -48,6 +50,8 @@ pub struct AppearanceTracker {
     cloud: Cloud<STATE>,
     template: Template,
     spare: Spare,
+    /// Corners of the last box, where flow is used.
+    trail: Option<Trail>,
     size: (usize, usize),
     /// Frames since the first.
     steps: i64,
@@ -116,6 +120,7 @@ impl AppearanceTracker {
             cloud,
             template,
             spare,
+            trail: trail(frame, Some(place), settings)?,
             size: frame.size(),
             steps: 0,
             usual,
@@ -133,12 +138,18 @@ impl AppearanceTracker {
     }
 }
 
+/// Corners of the estimated box, where there is one and flow is used.
+fn trail(frame: &Frame, place: Option<Place>, settings: &AppearanceSettings) -> Result<Option<Trail>> {
+    let place = place.filter(|_| settings.flow != FlowUse::Off);
+    place.map(|place| Trail::new(frame, place)).transpose()
+}
+
 impl Tracker for AppearanceTracker {
     fn step(&mut self, frame: &Frame) -> Result<Estimate> {
         if frame.size() != self.size {
             return Err(Error::Size { found: frame.size(), expected: self.size });
         }
-        let flow = None;
+        let flow = self.trail.as_ref().map(|trail| trail.median(frame)).transpose()?.flatten();
         self.steps += 1;
         let motion = BoxMotion::new(&self.settings, self.position_sd, flow);
         let resemblance = Resemblance::new(&self.template, &self.settings, &self.spare);
@@ -160,6 +171,7 @@ impl Tracker for AppearanceTracker {
         if let (TemplateUpdate::Blended { rate }, Some(place)) = (self.settings.template, place) {
             self.template.blend(frame, place, &self.settings, rate)?;
         }
+        self.trail = trail(frame, place, &self.settings)?;
         let covariance = law.covariance().0;
         Ok(Estimate {
             bounds: Rect::about([x, y], width, height),

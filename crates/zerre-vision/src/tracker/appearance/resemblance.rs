@@ -19,7 +19,7 @@ use zerre::model::Likelihood;
 #[derive(Clone, Debug)]
 pub(super) enum Template {
     Colour(ColourTemplate),
-    Structure(StructureTemplate),
+    Structure(Box<StructureTemplate>),
 }
 
 /// Memory that blocks of particles use one after the other.
@@ -156,7 +156,8 @@ impl Template {
             Similarity::Structure { window, exponents, centre } => {
                 let mut patch = Plane::default();
                 settings.plane(frame, place, &mut patch)?;
-                Ok(Template::Structure(StructureTemplate::new(size, (window, exponents, centre), patch)))
+                let template = StructureTemplate::new(size, (window, exponents, centre), patch);
+                Ok(Template::Structure(Box::new(template)))
             }
         }
     }
