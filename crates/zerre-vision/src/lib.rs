@@ -5,8 +5,10 @@
 //! corner of the picture. Lengths are pixels, times frames.
 
 mod error;
+pub mod frames;
 pub mod image;
 mod rect;
+pub mod sequence;
 pub mod tracker;
 
 pub use error::{Error, Result};
