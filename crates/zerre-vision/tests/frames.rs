@@ -299,3 +299,30 @@ fn results_with_named_columns_are_read_by_name() {
     let boxes = read_boxes(&at.join("boxes.csv"), 1.0).unwrap();
     assert_eq!(boxes, [Some(Rect { x: 1.0, y: 2.0, width: 3.0, height: 4.0 })]);
 }
+
+/// Real sequences agree with what is known of them; a twentieth of their pictures is read.
+#[test]
+fn sequences_of_the_benchmark_are_read() {
+    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let folder = std::env::var_os("ZERRE_DATA").map_or_else(beside, PathBuf::from).join("otb");
+    if !folder.exists() {
+        assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "no folder {}", folder.display());
+        eprintln!("SKIPPED: no sequences at {} (set ZERRE_DATA)", folder.display());
+        return;
+    }
+    for (name, frames, size, first) in [
+        ("Girl", 500, (128, 96), [56.0, 20.0, 31.0, 45.0]),
+        ("Suv", 945, (320, 240), [141.0, 124.0, 91.0, 40.0]),
+        ("Deer", 71, (704, 400), [305.0, 4.0, 95.0, 65.0]),
+    ] {
+        let found = Sequence::open(&folder.join(name)).unwrap();
+        let [sequence] = &found[..] else { panic!("{name}: {} targets", found.len()) };
+        let [x, y, width, height] = first;
+        assert_eq!((sequence.truth.len(), sequence.pictures.places().len()), (frames, frames));
+        assert_eq!(sequence.start(), Some((0, Rect { x, y, width, height })));
+        assert!(sequence.notes.is_empty() && sequence.pictures.ignored() == 0, "{:?}", sequence.notes);
+        for place in sequence.pictures.places().iter().step_by(20) {
+            assert_eq!(sequence.pictures.read(place).unwrap().size(), size);
+        }
+    }
+}
