@@ -2,6 +2,7 @@
 
 use zerre::kernels::Threads;
 use zerre::resample::{Resampling, Trigger};
+use zerre::rng::Stream;
 use zerre_vision::tracker::{
     AppearanceSettings, AppearanceTracker, CentreWeight, Deviation, Equalisation, Estimate, FlowUse,
     Similarity, TemplateUpdate, Tracker,
@@ -52,7 +53,7 @@ fn presets() -> [(&'static str, AppearanceSettings); 5] {
 }
 
 fn start(settings: &AppearanceSettings, seed: u64) -> AppearanceTracker {
-    AppearanceTracker::start(&frame(0), truth(0), settings, (seed, Threads::Serial)).unwrap()
+    AppearanceTracker::start(&frame(0), truth(0), settings, (Stream::new(seed), Threads::Serial)).unwrap()
 }
 
 fn followed(settings: &AppearanceSettings, seed: u64, frames: usize) -> Vec<Estimate> {
@@ -128,7 +129,8 @@ fn one_seed_gives_one_answer_for_any_threads() {
         let answers = |threads, seed| -> Vec<Estimate> {
             let threads = Threads::new(threads).unwrap();
             let mut tracker =
-                AppearanceTracker::start(&frame(0), truth(0), &settings, (seed, threads)).unwrap();
+                AppearanceTracker::start(&frame(0), truth(0), &settings, (Stream::new(seed), threads))
+                    .unwrap();
             (1..4).map(|k| tracker.step(&frame(k)).unwrap()).collect()
         };
         let one = answers(1, 5);
@@ -195,7 +197,7 @@ fn every_option_changes_the_answers() {
 #[test]
 fn what_cannot_be_followed_is_refused() {
     let started = |bounds, settings: &AppearanceSettings| {
-        AppearanceTracker::start(&frame(0), bounds, settings, (1, Threads::Serial)).map(drop)
+        AppearanceTracker::start(&frame(0), bounds, settings, (Stream::new(1), Threads::Serial)).map(drop)
     };
     let good = truth(0);
     for (name, settings) in presets() {
@@ -203,7 +205,8 @@ fn what_cannot_be_followed_is_refused() {
         assert!(started(Rect { width: 2.0, height: 2.0, ..good }, &settings).is_ok(), "{name}");
         let outside = Rect { x: -10.0, y: 100.0, ..good };
         let mut tracker =
-            AppearanceTracker::start(&frame(0), outside, &settings, (1, Threads::Serial)).unwrap();
+            AppearanceTracker::start(&frame(0), outside, &settings, (Stream::new(1), Threads::Serial))
+                .unwrap();
         let grey = frame(1).map(|p| [p[1]; 3]);
         for _ in 0..5 {
             let estimate = tracker.step(&grey).unwrap();

@@ -62,7 +62,7 @@ pub struct AppearanceTracker {
 }
 
 impl AppearanceTracker {
-    /// A tracker of what is in `bounds` on `frame`. One seed gives the same answers, for any number of threads.
+    /// A tracker of what is in `bounds` on `frame`. One stream gives the same answers for any number of threads.
     ///
     /// # Errors
     /// A setting out of its range; a box of less than 2 x 2 pixels, one that is larger than the frame, or one with its
@@ -71,7 +71,7 @@ impl AppearanceTracker {
         frame: &Frame,
         bounds: Rect,
         settings: &AppearanceSettings,
-        (seed, threads): (u64, Threads),
+        (stream, threads): (Stream, Threads),
     ) -> Result<AppearanceTracker> {
         settings.checked()?;
         let bounds = bounds.on_frame(frame.size())?;
@@ -111,7 +111,7 @@ impl AppearanceTracker {
         let usual = (resemblance.similarity(frame, place)?, 1);
         let motion = BoxMotion::new(settings, position_sd, None);
         let rules = ParticleFilter::new(prior, motion, resemblance, filter.clone())?;
-        let cloud = rules.start(Time::ZERO, Stream::new(seed))?;
+        let cloud = rules.start(Time::ZERO, stream)?;
         Ok(AppearanceTracker {
             settings: settings.clone(),
             filter,
