@@ -54,6 +54,24 @@ pub enum Error {
         /// What is wrong with it, and how to mend it.
         problem: String,
     },
+    /// A folder, a video, a camera or a stream that gives no frames, or fewer than it should.
+    #[error("{input}: {problem}")]
+    Input {
+        /// The folder, the file or the address.
+        input: String,
+        /// What is wrong with it, and how to mend it.
+        problem: String,
+    },
+    /// A line of an annotation that is no box.
+    #[error("{}, line {line}: {problem}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it, with the value.
+        problem: String,
+    },
     /// What a filter refuses.
     #[error(transparent)]
     Filter(#[from] zerre::Error),

@@ -5,8 +5,11 @@
 //! corner of the picture. Lengths are pixels, times frames.
 
 mod error;
+pub mod frames;
 pub mod image;
+pub mod operator;
 mod rect;
+pub mod sequence;
 pub mod tracker;
 
 pub use error::{Error, Result};

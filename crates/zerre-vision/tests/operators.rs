@@ -1,0 +1,156 @@
+//! The operators against OpenCV 5.0, scikit-image 0.26 and SciPy: what `reference/make.py` wrote.
+
+mod reference;
+
+use reference::{Vectors, close, close_u8};
+use zerre_vision::{Image, Rect, operator};
+
+fn whole(image: &Image<u8>) -> Rect {
+    Rect { x: 0.0, y: 0.0, width: image.width() as f64, height: image.height() as f64 }
+}
+
+#[test]
+fn colours_are_those_of_opencv() {
+    let vectors = Vectors::read("color");
+    let frame = vectors.frame("frame");
+    assert_eq!(operator::grey(&frame), vectors.grey("grey"));
+    assert_eq!(operator::hsv(&frame), vectors.frame("hsv"));
+    let (lab, expected) = (operator::lab(&frame), vectors.frame("lab"));
+    for i in 0..3 {
+        // Entries of OpenCV's tables may be rounded the other way: one level.
+        close_u8(&operator::channel(&lab, i), &operator::channel(&expected, i), 1);
+    }
+    let channels = [0, 1, 2].map(|i| operator::channel(&frame, i));
+    assert_eq!(operator::merge(channels.each_ref()).unwrap(), frame);
+}
+
+#[test]
+fn histograms_are_those_of_opencv() {
+    let vectors = Vectors::read("color");
+    let frame = vectors.frame("frame");
+    let mut histograms = [0, 1].map(|_| operator::Histogram::new(4).unwrap());
+    for (histogram, (name, x, width)) in histograms.iter_mut().zip([("a", 1.7, 9.9), ("b", 9.0, 12.0)]) {
+        histogram.count(&frame, Rect { x, y: 3.2, width, height: 10.0 }).unwrap();
+        let counts: Vec<f64> = histogram.shares().iter().map(|s| s * width.round() * 10.0).collect();
+        // Shares are quotients of integers.
+        close(&counts, vectors.real(&format!("histogram_{name}")), 1e-12);
+    }
+    let [p, q] = histograms.each_ref().map(|h| h.shares());
+    // OpenCV's counts are f32, its sums f64; the file has nine digits.
+    close(&[operator::bhattacharyya_distance(p, q)], vectors.real("bhattacharyya"), 1e-8);
+    assert!((operator::bhattacharyya(p, p) - 1.0).abs() < 1e-14);
+}
+
+#[test]
+fn blurred_pictures_are_those_of_opencv() {
+    let vectors = Vectors::read("filter");
+    let image = vectors.grey("image");
+    for (size, sigma) in [(3, None), (5, None), (9, None), (15, None), (5, Some(1.3)), (31, Some(6.0))] {
+        let name = format!("blur_{size}_{}", sigma.map_or("0".into(), |s: f64| format!("{s:.1}")));
+        // Integers with OpenCV's weights.
+        assert_eq!(operator::blur(&image, size, sigma).unwrap(), vectors.grey(&name), "{name}");
+    }
+    let real = operator::blur_f32(&image.map(|&v| f32::from(v) / 255.0), 11, None).unwrap();
+    let real: Vec<f64> = real.pixels().iter().map(|&v| v.into()).collect();
+    // Two sums of eleven numbers below one in f32, in another order: 22 roundings of 6e-8.
+    close(&real, vectors.real("blur_f32"), 22.0 * 6e-8);
+}
+
+#[test]
+fn equalised_pictures_are_those_of_opencv() {
+    let vectors = Vectors::read("filter");
+    let dark = vectors.grey("dark");
+    assert_eq!(operator::equalize(&dark), vectors.grey("equalize"));
+    for (clip, columns, rows) in [(2.0, 4, 2), (0.0, 3, 3), (40.0, 1, 1)] {
+        let expected = vectors.grey(&format!("clahe_{clip:.1}_{columns}_{rows}"));
+        // The tables are equal; OpenCV may interpolate them with fused steps, so that a half rounds the other way.
+        close_u8(&operator::clahe(&dark, clip, (columns, rows)).unwrap(), &expected, 1);
+    }
+    let even = operator::crop(&dark, 0, 0, 36, 24);
+    close_u8(&operator::clahe(&even, 3.0, (6, 4)).unwrap(), &vectors.grey("clahe_even"), 1);
+}
+
+#[test]
+fn integral_images_are_those_of_opencv() {
+    let vectors = Vectors::read("filter");
+    let image = operator::crop(&vectors.grey("image"), 0, 0, 10, 8);
+    let sums = operator::Integral::of(&image, |&v| v.into());
+    let squares = operator::Integral::of(&image, |&v| f64::from(v).powi(2));
+    // Integers are summed without rounding.
+    assert_eq!(sums.sums().pixels(), vectors.real("integral"));
+    assert_eq!(squares.sums().pixels(), vectors.real("integral_squares"));
+}
+
+#[test]
+fn patches_are_those_of_opencv() {
+    let vectors = Vectors::read("filter");
+    let image = vectors.grey("image");
+    let values = |image: Image<f32>| image.pixels().iter().map(|&v| v.into()).collect::<Vec<f64>>();
+    let bounds = Rect::about([5.8, 24.3], 9.0, 7.0);
+    // Weights and products in f32, values below 256: some roundings of 2e-5.
+    close(&values(operator::patch(&image, bounds, (9, 7)).unwrap()), vectors.real("shifted"), 1e-4);
+    close(&values(operator::patch(&image, whole(&image), (17, 31)).unwrap()), vectors.real("resized"), 1e-4);
+}
+
+#[test]
+fn structural_similarity_is_that_of_scikit_image() {
+    let vectors = Vectors::read("ssim");
+    let (image, other) = (vectors.grey("image"), vectors.grey("other"));
+    // Sums of squares up to 121 * 255^2 lose up to ten digits where a window is nearly flat: 1e-9 is left of 1e-16.
+    let tolerance = 1e-9;
+    let means = [3, 7, 11].map(|side| operator::Ssim::new(side).unwrap().mean(&image, &other).unwrap());
+    close(&means, vectors.real("means"), tolerance);
+    let ssim = operator::Ssim::default();
+    close(ssim.map(&image, &other).unwrap().pixels(), vectors.real("map"), tolerance);
+    let powers = [[1.0; 3], [0.5, 2.0, 0.3], [0.0, 1.0, 1.0], [0.0, 0.0, 2.5], [1.0, 0.0, 0.0]];
+    let powers = powers.map(|[l, c, s]| ssim.with_exponents(l, c, s).unwrap().mean(&image, &other).unwrap());
+    close(&powers, vectors.real("powers"), tolerance);
+    let template = ssim.windows(operator::crop(&image, 8, 5, 14, 15)).unwrap();
+    let mut scores = Vec::new();
+    let corners = [(8, 5), (0, 0), (26, 15), (13, 3)];
+    ssim.scores(&template, &ssim.windows(other).unwrap(), &corners, &mut scores).unwrap();
+    close(&scores, vectors.real("scores"), tolerance);
+}
+
+#[test]
+fn corners_are_those_of_opencv() {
+    let vectors = Vectors::read("flow");
+    let image = vectors.grey("second");
+    let boxed = Rect { x: 20.0, y: 12.0, width: 64.0, height: 48.0 };
+    for (name, bounds, side) in [("corners", whole(&image), 3), ("corners_box", boxed, 5)] {
+        let settings = operator::Corners { count: 30, quality: 0.05, distance: 6.5, side };
+        let corners = operator::corners(&image, bounds, &settings).unwrap();
+        // The same pixels in the same order.
+        assert_eq!(corners.as_flattened(), vectors.real(name), "{name}");
+    }
+}
+
+#[test]
+fn optical_flow_is_that_of_opencv() {
+    let vectors = Vectors::read("flow");
+    let (first, second) = (vectors.grey("first"), vectors.grey("second"));
+    assert_eq!(operator::Pyramid::new(first.clone(), 1, 9).levels()[1], vectors.grey("half"));
+    let (points, _) = vectors.real("points").as_chunks::<2>();
+    for (name, side, levels) in [("default", 21, 3), ("small", 9, 1), ("flat", 15, 0)] {
+        let tracker = operator::LucasKanade { side, levels, ..operator::LucasKanade::default() };
+        let [from, to] = [&first, &second].map(|image| tracker.pyramid(image.clone()));
+        let mut flows = Vec::new();
+        tracker.track(&from, &to, points, &mut flows).unwrap();
+        let (expected, _) = vectors.real(&format!("flow_{name}")).as_chunks::<4>();
+        let mut right = 0;
+        for ((flow, start), &[x, y, found, residual]) in flows.iter().zip(points).zip(expected) {
+            assert_eq!(flow.found, found > 0.0, "{name}: {flow:?}");
+            // Half the step at which both stop: OpenCV rounds windows to 1/32 of a grey level, which moves their last
+            // steps, and its points are f32.
+            close(&flow.point, &[x, y], 5e-3);
+            close(&[flow.residual], &[residual], 1.0 / 32.0);
+            // Where the windows agree, the flow is that of the texture, (4.3, -2.6): rounded grey levels (0.29) over
+            // slopes of about twenty levels a pixel are a hundredth of a pixel, and bilinear values do the rest.
+            if flow.found && flow.residual < 1.3 {
+                assert!((flow.point[0] - start[0] - 4.3).hypot(flow.point[1] - start[1] + 2.6) < 0.05);
+                right += 1;
+            }
+        }
+        assert!(right >= 10, "{name}: only {right} points are on the texture");
+    }
+}
