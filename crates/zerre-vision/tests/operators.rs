@@ -232,3 +232,14 @@ fn components_are_those_of_scikit_image() {
         assert_eq!(operator::clear_border(&mask, neighbours), vectors.grey(&format!("inner_{count}")));
     }
 }
+
+#[test]
+fn oriented_gradients_are_those_of_scikit_image() {
+    let vectors = Vectors::read("hog");
+    let image = vectors.grey("image");
+    let small = operator::Hog { orientations: 8, cell: (6, 7), block: (1, 2) };
+    for (name, hog) in [("default", operator::Hog::default()), ("small", small)] {
+        // scikit-image adds the up to 64 pixels of a cell in f32: as many roundings of 6e-8.
+        close(&hog.features(&image).unwrap(), vectors.real(name), 64.0 * 6e-8);
+    }
+}

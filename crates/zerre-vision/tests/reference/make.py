@@ -11,6 +11,7 @@ import pathlib
 import cv2
 import numpy as np
 from scipy import ndimage
+from skimage.feature import hog
 from skimage.measure import label, regionprops
 from skimage.metrics import structural_similarity
 from skimage.segmentation import clear_border
@@ -212,9 +213,22 @@ def masks():
     out.save()
 
 
+def gradients():
+    out = Vectors("hog")
+    image = scene(37, 29)
+    image[:4] = random.integers(0, 3, (4, 37)) * 40
+    out.put("image", image)
+    options = dict(block_norm="L2-Hys", feature_vector=True)
+    # scikit-image gives rows first.
+    out.put("default", hog(image, **options), 10)
+    out.put("small", hog(image, orientations=8, pixels_per_cell=(7, 6), cells_per_block=(2, 1), **options), 10)
+    out.save()
+
+
 if __name__ == "__main__":
     color()
     filters()
     ssim()
     flow()
     masks()
+    gradients()
