@@ -64,7 +64,8 @@ fn equalised_pictures_are_those_of_opencv() {
     assert_eq!(operator::equalize(&dark), vectors.grey("equalize"));
     for (clip, columns, rows) in [(2.0, 4, 2), (0.0, 3, 3), (40.0, 1, 1)] {
         let expected = vectors.grey(&format!("clahe_{clip:.1}_{columns}_{rows}"));
-        // The tables are equal; OpenCV may interpolate them with fused steps, so that a half rounds the other way.
+        // The tables are equal; OpenCV may interpolate them with fused steps, so that a half rounds the other
+        // way.
         close_u8(&operator::clahe(&dark, clip, (columns, rows)).unwrap(), &expected, 1);
     }
     let even = operator::crop(&dark, 0, 0, 36, 24);
@@ -97,7 +98,8 @@ fn patches_are_those_of_opencv() {
 fn structural_similarity_is_that_of_scikit_image() {
     let vectors = Vectors::read("ssim");
     let (image, other) = (vectors.grey("image"), vectors.grey("other"));
-    // Sums of squares up to 121 * 255^2 lose up to ten digits where a window is nearly flat: 1e-9 is left of 1e-16.
+    // Sums of squares up to 121 * 255^2 lose up to ten digits where a window is nearly flat: 1e-9 is left of
+    // 1e-16.
     let tolerance = 1e-9;
     let means = [3, 7, 11].map(|side| operator::Ssim::new(side).unwrap().mean(&image, &other).unwrap());
     close(&means, vectors.real("means"), tolerance);
@@ -141,12 +143,13 @@ fn optical_flow_is_that_of_opencv() {
         let mut right = 0;
         for ((flow, start), &[x, y, found, residual]) in flows.iter().zip(points).zip(expected) {
             assert_eq!(flow.found, found > 0.0, "{name}: {flow:?}");
-            // Half the step at which both stop: OpenCV rounds windows to 1/32 of a grey level, which moves their last
-            // steps, and its points are f32.
+            // Half the step at which both stop: OpenCV rounds windows to 1/32 of a grey level, which moves
+            // their last steps, and its points are f32.
             close(&flow.point, &[x, y], 5e-3);
             close(&[flow.residual], &[residual], 1.0 / 32.0);
-            // Where the windows agree, the flow is that of the texture, (4.3, -2.6): rounded grey levels (0.29) over
-            // slopes of about twenty levels a pixel are a hundredth of a pixel, and bilinear values do the rest.
+            // Where the windows agree, the flow is that of the texture, (4.3, -2.6): rounded grey levels
+            // (0.29) over slopes of about twenty levels a pixel are a hundredth of a pixel, and bilinear
+            // values do the rest.
             if flow.found && flow.residual < 1.3 {
                 assert!((flow.point[0] - start[0] - 4.3).hypot(flow.point[1] - start[1] + 2.6) < 0.05);
                 right += 1;

@@ -85,7 +85,8 @@ pub(super) fn label<P>(image: &Image<P>, neighbours: Neighbours, set: impl Fn(&P
         }
         above.copy_from_slice(row);
     }
-    // A tree's root is its least label, and labels count first pixels: roots in order are components in order.
+    // A tree's root is its least label, and labels count first pixels: roots in order are components in
+    // order.
     let mut numbers = vec![0_u32; parents.len()];
     let mut count = 0;
     for label in 1..parents.len() {

@@ -4,8 +4,9 @@ use crate::{Error, Image, Result};
 use std::f64::consts::PI;
 use zerre::math::sin_cos;
 
-/// Histograms of oriented gradients (Dalal and Triggs 2005), as scikit-image's `hog` with `block_norm='L2-Hys'`:
-/// unsigned orientations, each pixel in one bin and one cell, and a clipped norm over overlapping blocks of cells.
+/// Histograms of oriented gradients (Dalal and Triggs 2005), as scikit-image's `hog` with
+/// `block_norm='L2-Hys'`: unsigned orientations, each pixel in one bin and one cell, and a clipped norm over
+/// overlapping blocks of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hog {
     /// Bins over half a turn.
@@ -23,8 +24,8 @@ impl Default for Hog {
     }
 }
 
-/// Index of the last direction that an upward gradient has reached or passed. The margin is that of rounding: no
-/// gradient of integers comes so near to a border without being on it.
+/// Index of the last direction that an upward gradient has reached or passed. The margin is that of rounding:
+/// no gradient of integers comes so near to a border without being on it.
 #[inline(always)]
 fn bin(across: f64, down: f64, directions: &[(f64, f64)]) -> usize {
     // The opposite gradient has the same orientation; this one is from 0 to below half a turn.
@@ -37,7 +38,8 @@ impl Hog {
     /// Blocks in a row and in a column of a picture of this size, and numbers of each.
     ///
     /// # Errors
-    /// No orientation or more than 180, cells or blocks without an area, a picture that is smaller than a block.
+    /// No orientation or more than 180, cells or blocks without an area, a picture that is smaller than a
+    /// block.
     pub fn layout(&self, size: (usize, usize)) -> Result<(usize, usize, usize)> {
         let sides = [self.cell.0, self.cell.1, self.block.0, self.block.1];
         for (what, value, most) in [("orientations", self.orientations, 180)]
@@ -59,8 +61,8 @@ impl Hog {
         Ok((across, down, self.block.0 * self.block.1 * self.orientations))
     }
 
-    /// Mean gradient magnitude of every orientation of every cell, grey levels per two pixels: cells row after row.
-    /// Gradients are central differences, zero at the picture's border in their direction.
+    /// Mean gradient magnitude of every orientation of every cell, grey levels per two pixels: cells row
+    /// after row. Gradients are central differences, zero at the picture's border in their direction.
     fn cells(&self, image: &Image<u8>) -> Vec<f64> {
         let (width, height) = image.size();
         let (columns, rows) = (width / self.cell.0, height / self.cell.1);
@@ -85,8 +87,8 @@ impl Hog {
         sums
     }
 
-    /// The numbers of all blocks, row after row; in a block those of its cells, row after row; in a cell those of its
-    /// orientations, from the one along the rows on.
+    /// The numbers of all blocks, row after row; in a block those of its cells, row after row; in a cell
+    /// those of its orientations, from the one along the rows on.
     ///
     /// # Errors
     /// What [`Hog::layout`] refuses.

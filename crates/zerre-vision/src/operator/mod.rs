@@ -1,11 +1,11 @@
 //! Operators of image processing: free functions from pictures to pictures, numbers or points.
 //!
-//! They follow the conventions of OpenCV, or of scikit-image where they say so, and are tested against their output.
-//! Every operator gives the same bits on every machine: integer arithmetic where its source has it, else sums in a
-//! fixed order and no function of the platform's mathematical library.
+//! They follow the conventions of OpenCV, or of scikit-image where they say so, and are tested against their
+//! output. Every operator gives the same bits on every machine: integer arithmetic where its source has it,
+//! else sums in a fixed order and no function of the platform's mathematical library.
 //!
-//! A grey picture is an `Image<u8>`. A mask is one as well: zero is unset, anything else set, and the operators that
-//! make masks write 0 and 255.
+//! A grey picture is an `Image<u8>`. A mask is one as well: zero is unset, anything else set, and the
+//! operators that make masks write 0 and 255.
 
 mod arithmetic;
 mod color;

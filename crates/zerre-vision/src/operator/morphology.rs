@@ -3,7 +3,8 @@
 use super::components::{Component, Neighbours, label};
 use crate::{Error, Image, Result};
 
-/// A structuring element: which pixels about its middle count. The middle of an even side is the pixel behind it.
+/// A structuring element: which pixels about its middle count. The middle of an even side is the pixel behind
+/// it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Element {
     width: usize,
@@ -135,8 +136,8 @@ pub fn area_open(mask: &Image<u8>, area: usize, neighbours: Neighbours) -> Image
     select(mask, neighbours, true, |component| component.area >= area)
 }
 
-/// A mask with its holes: unset pixels from which no path of neighbours leads to the border. `Four` is the neighbourhood
-/// of unset pixels that fits components of eight neighbours.
+/// A mask with its holes: unset pixels from which no path of neighbours leads to the border. `Four` is the
+/// neighbourhood of unset pixels that fits components of eight neighbours.
 pub fn fill_holes(mask: &Image<u8>, neighbours: Neighbours) -> Image<u8> {
     let size = mask.size();
     select(mask, neighbours, false, |component| at_border(component, size)).map(|&outside| !outside)

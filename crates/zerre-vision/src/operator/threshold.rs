@@ -20,9 +20,9 @@ pub fn in_range_color<const N: usize>(image: &Image<[u8; N]>, low: [u8; N], high
     })
 }
 
-/// The level that separates dark and bright pixels best (Otsu 1979, IEEE Transactions on Systems, Man, and Cybernetics
-/// 9(1)): the least one of the largest variance between the two classes, for [`threshold`]. A picture of one level
-/// gives 0.
+/// The level that separates dark and bright pixels best (Otsu 1979, IEEE Transactions on Systems, Man, and
+/// Cybernetics 9(1)): the least one of the largest variance between the two classes, for [`threshold`]. A
+/// picture of one level gives 0.
 pub fn otsu(image: &Image<u8>) -> u8 {
     let mut counts = [0_u64; 256];
     for &pixel in image.pixels() {

@@ -2,8 +2,8 @@
 
     pip install opencv-contrib-python==5.0.0.* scikit-image==0.26.* && python make.py
 
-An entry of a file is a line "NAME WIDTH HEIGHT CHANNELS KIND" and the values: of kind u8, a line of hexadecimal bytes
-for every row; of kind real, a line of numbers for every row.
+An entry of a file is a line "NAME WIDTH HEIGHT CHANNELS KIND" and the values: of kind u8, a line of hexadecimal
+bytes for every row; of kind real, a line of numbers for every row.
 """
 
 import pathlib
