@@ -246,3 +246,45 @@ fn oriented_gradients_are_those_of_scikit_image() {
         close(&hog.features(&image).unwrap(), vectors.real(name), 64.0 * 6e-8);
     }
 }
+
+#[test]
+fn pictures_of_any_size_are_survived() {
+    for (width, height) in [(1, 1), (1, 2), (2, 1), (3, 2), (1, 40), (9, 8)] {
+        let size = (width, height);
+        let frame =
+            Image::from_fn(width, height, |x, y| [0, 90, 200].map(|v| (v + 31 * x + 17 * y * x) as u8));
+        let image = operator::grey(&frame);
+        assert_eq!(operator::hsv(&frame).size(), size);
+        assert_eq!(operator::lab(&frame).size(), size);
+        assert_eq!(operator::equalize(&image).size(), size);
+        assert_eq!(operator::clahe(&image, 2.0, (1, height)).unwrap().size(), size);
+        for side in [1, 3, 15, 101] {
+            assert_eq!(operator::blur(&image, side, None).unwrap().size(), size);
+            let element = operator::Element::ellipse(side, side + 1).unwrap();
+            assert_eq!(operator::open(&image, &element).size(), size);
+            assert_eq!(operator::close(&image, &element).size(), size);
+            // Similarity has no value where no window fits in.
+            let fits = side <= width.min(height);
+            let ssim = operator::Ssim::new(side);
+            assert_eq!(
+                ssim.and_then(|s| s.mean(&image, &image)).is_ok(),
+                fits && side > 1,
+                "{side} {size:?}"
+            );
+            let corners = operator::Corners { side, ..operator::Corners::default() };
+            let inner =
+                |&[x, y]: &[f64; 2]| x > 1.0 && y > 1.0 && x < width as f64 - 1.0 && y < height as f64 - 1.0;
+            assert!(operator::corners(&image, whole(&image), &corners).unwrap().iter().all(inner));
+        }
+        for neighbours in [operator::Neighbours::Four, operator::Neighbours::Eight] {
+            assert_eq!(operator::fill_holes(&image, neighbours).size(), size);
+            assert_eq!(operator::clear_border(&image, neighbours).size(), size);
+            let areas: usize = operator::components(&image, neighbours).all.iter().map(|c| c.area).sum();
+            assert_eq!(areas, image.pixels().iter().filter(|&&v| v > 0).count());
+        }
+        assert!(operator::Hog::default().features(&image).is_err());
+        assert!(operator::otsu(&image) < 255);
+        let all = operator::Integral::of(&image, |&v| v.into()).sum(0, 0, width, height);
+        assert_eq!(all, image.pixels().iter().map(|&v| f64::from(v)).sum::<f64>());
+    }
+}

@@ -12,7 +12,7 @@ pub struct Corners {
     pub quality: f64,
     /// Least distance of two corners, pixels.
     pub distance: f64,
-    /// Side of the window over which gradients are summed, odd.
+    /// Side of the window over which gradients are summed, odd, up to 255.
     pub side: usize,
 }
 
@@ -62,8 +62,12 @@ fn least_eigenvalues(image: &Image<u8>, radius: usize, area: [usize; 4]) -> Imag
 /// An even window; a quality outside 0 to 1; a distance that is negative or not finite.
 pub fn corners(image: &Image<u8>, bounds: Rect, settings: &Corners) -> Result<Vec<[f64; 2]>> {
     let Corners { count, quality, distance, side } = *settings;
-    let radius = super::odd("side of the windows of corners", side)? / 2;
     let refuse = |what, value, needs| Err(Error::OutOfRange { what, value, needs });
+    if side % 2 == 0 || side > 255 {
+        let needs = "an odd number of pixels up to 255 is needed";
+        return refuse("side of the windows of corners", side as f64, needs);
+    }
+    let radius = side / 2;
     if !(0.0..=1.0).contains(&quality) {
         return refuse("least quality of corners", quality, "a share from 0 to 1 is needed");
     }

@@ -14,7 +14,7 @@ impl Pyramid {
         let mut all = vec![image];
         while all.len() <= levels {
             let next = half(&all[all.len() - 1]);
-            if next.width().min(next.height()) <= side {
+            if next.width().min(next.height()) <= side.max(1) {
                 break;
             }
             all.push(next);
@@ -295,6 +295,7 @@ mod tests {
 
     #[test]
     fn tiny_pictures_and_strange_points_are_survived() {
+        assert_eq!(Pyramid::new(Image::filled(5, 4, 0), usize::MAX, 0).levels().len(), 2);
         let tracker = LucasKanade::default();
         let mut flows = Vec::new();
         for (width, height) in [(1, 1), (1, 30), (23, 22), (90, 60)] {
