@@ -11,8 +11,8 @@ pub fn grey(frame: &Frame) -> Image<u8> {
     })
 }
 
-/// Hue in half degrees (0 to 179), saturation and value (0 to 255), as OpenCV's `COLOR_RGB2HSV`. A grey pixel has
-/// hue 0.
+/// Hue in half degrees (0 to 179), saturation and value (0 to 255), as OpenCV's `COLOR_RGB2HSV`. A grey pixel
+/// has hue 0.
 pub fn hsv(frame: &Frame) -> Image<[u8; 3]> {
     static DIVIDE: LazyLock<[[i32; 2]; 256]> = LazyLock::new(|| {
         std::array::from_fn(|i| {
@@ -38,7 +38,8 @@ pub fn hsv(frame: &Frame) -> Image<[u8; 3]> {
     })
 }
 
-/// Tables of [`lab`]: light of an sRGB value in units of 1/2040, and the curve of CIE 1976 over such light, times 2^15.
+/// Tables of [`lab`]: light of an sRGB value in units of 1/2040, and the curve of CIE 1976 over such light,
+/// times 2^15.
 struct LabTables {
     light: [i32; 256],
     curve: Vec<i32>,
@@ -59,8 +60,8 @@ static LAB: LazyLock<LabTables> = LazyLock::new(|| {
     LabTables { light, curve: curve.collect() }
 });
 
-/// CIE 1976 L*a*b* of sRGB under D65: L* times 255 / 100, a* and b* plus 128, as OpenCV's `COLOR_RGB2LAB`; in about one
-/// pixel of ten thousand a channel differs from OpenCV's by one.
+/// CIE 1976 L*a*b* of sRGB under D65: L* times 255 / 100, a* and b* plus 128, as OpenCV's `COLOR_RGB2LAB`; in
+/// about one pixel of ten thousand a channel differs from OpenCV's by one.
 pub fn lab(frame: &Frame) -> Image<[u8; 3]> {
     // Light to X, Y and Z over those of the white point, times 2^12.
     const XYZ: [[i32; 3]; 3] = [[1777, 1541, 778], [871, 2929, 296], [73, 448, 3575]];

@@ -12,19 +12,20 @@ pub struct Corners {
     pub quality: f64,
     /// Least distance of two corners, pixels.
     pub distance: f64,
-    /// Side of the window over which gradients are summed, odd.
+    /// Side of the window over which gradients are summed, odd, up to 255.
     pub side: usize,
 }
 
 impl Default for Corners {
-    /// Up to 100 corners of at least 1 % of the best one's quality, 5 pixels apart, by windows of 3 x 3 pixels.
+    /// Up to 100 corners of at least 1 % of the best one's quality, 5 pixels apart, by windows of 3 x 3
+    /// pixels.
     fn default() -> Corners {
         Corners { count: 100, quality: 0.01, distance: 5.0, side: 3 }
     }
 }
 
-/// Lesser eigenvalue of the sum of the gradients' outer products over windows of `2 radius + 1` pixels, up to a common
-/// factor; for `width` x `height` pixels from column `x` and row `y`.
+/// Lesser eigenvalue of the sum of the gradients' outer products over windows of `2 radius + 1` pixels, up to
+/// a common factor; for `width` x `height` pixels from column `x` and row `y`.
 fn least_eigenvalues(image: &Image<u8>, radius: usize, area: [usize; 4]) -> Image<f64> {
     let [x, y, width, height] = area;
     let (columns, rows) = image.size();
@@ -53,16 +54,20 @@ fn least_eigenvalues(image: &Image<u8>, radius: usize, area: [usize; 4]) -> Imag
     })
 }
 
-/// Corners whose pixels' centres lie in a box, the best first, as OpenCV's `goodFeaturesToTrack`: pixels whose lesser
-/// eigenvalue is the largest of their 3 x 3 neighbours'. The outermost pixels of the picture are none. Corners are
-/// centres of pixels: half a pixel more than OpenCV's indices.
+/// Corners whose pixels' centres lie in a box, the best first, as OpenCV's `goodFeaturesToTrack`: pixels
+/// whose lesser eigenvalue is the largest of their 3 x 3 neighbours'. The outermost pixels of the picture are
+/// none. Corners are centres of pixels: half a pixel more than OpenCV's indices.
 ///
 /// # Errors
 /// An even window; a quality outside 0 to 1; a distance that is negative or not finite.
 pub fn corners(image: &Image<u8>, bounds: Rect, settings: &Corners) -> Result<Vec<[f64; 2]>> {
     let Corners { count, quality, distance, side } = *settings;
-    let radius = super::odd("side of the windows of corners", side)? / 2;
     let refuse = |what, value, needs| Err(Error::OutOfRange { what, value, needs });
+    if side % 2 == 0 || side > 255 {
+        let needs = "an odd number of pixels up to 255 is needed";
+        return refuse("side of the windows of corners", side as f64, needs);
+    }
+    let radius = side / 2;
     if !(0.0..=1.0).contains(&quality) {
         return refuse("least quality of corners", quality, "a share from 0 to 1 is needed");
     }

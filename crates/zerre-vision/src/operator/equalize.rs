@@ -49,10 +49,10 @@ fn tile_table(mut counts: [u32; 256], limit: u32, scale: f32) -> [u8; 256] {
     })
 }
 
-/// Contrast-limited adaptive histogram equalisation (Zuiderveld 1994, Graphics Gems IV), as OpenCV's `createCLAHE`:
-/// the picture is cut into `tiles` = (columns, rows); no grey level of a tile counts for more than `clip_limit` times
-/// its share in a flat histogram, and what is clipped is spread over all levels; the tables of the four nearest tiles
-/// are interpolated at every pixel. A clip limit of 0 clips nothing.
+/// Contrast-limited adaptive histogram equalisation (Zuiderveld 1994, Graphics Gems IV), as OpenCV's
+/// `createCLAHE`: the picture is cut into `tiles` = (columns, rows); no grey level of a tile counts for more
+/// than `clip_limit` times its share in a flat histogram, and what is clipped is spread over all levels; the
+/// tables of the four nearest tiles are interpolated at every pixel. A clip limit of 0 clips nothing.
 ///
 /// # Errors
 /// No tile in a row or a column, or more tiles than pixels; a clip limit that is negative or not finite.
@@ -68,7 +68,8 @@ pub fn clahe(image: &Image<u8>, clip_limit: f64, tiles: (usize, usize)) -> Resul
             return Err(Error::OutOfRange { what: "number of tiles of CLAHE", value: tiles as f64, needs });
         }
     }
-    // OpenCV lets a picture that the tiles do not divide grow in both directions, in one of them by a whole tile row.
+    // OpenCV lets a picture that the tiles do not divide grow in both directions, in one of them by a whole
+    // tile row.
     let divides = width % tiles.0 == 0 && height % tiles.1 == 0;
     let grown = |side: usize, tiles: usize| if divides { side } else { side + tiles - side % tiles };
     let tile = (grown(width, tiles.0) / tiles.0, grown(height, tiles.1) / tiles.1);

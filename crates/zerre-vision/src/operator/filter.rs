@@ -4,9 +4,9 @@ use super::{odd, reflect};
 use crate::{Error, Image, Result};
 use zerre::math::exp;
 
-/// Weights of a Gaussian window of `size` pixels that sum to one, as OpenCV's `getGaussianKernel`. Without a standard
-/// deviation (`sigma`, pixels) it is 0.3 ((size - 1) / 2 - 1) + 0.8, and up to 9 pixels the window is OpenCV's table
-/// of multiples of 1/256 - the binomial weights up to 7 - instead.
+/// Weights of a Gaussian window of `size` pixels that sum to one, as OpenCV's `getGaussianKernel`. Without a
+/// standard deviation (`sigma`, pixels) it is 0.3 ((size - 1) / 2 - 1) + 0.8, and up to 9 pixels the window
+/// is OpenCV's table of multiples of 1/256 - the binomial weights up to 7 - instead.
 ///
 /// # Errors
 /// An even size or none; a standard deviation that is not a positive number.
@@ -58,8 +58,8 @@ fn fixed_point(kernel: &[f64]) -> Vec<u16> {
     fixed
 }
 
-/// A picture under a separable window: along the rows first, into the type of sums `S`, then along the columns. The
-/// border is mirrored at the outermost pixels (OpenCV's `BORDER_REFLECT_101`).
+/// A picture under a separable window: along the rows first, into the type of sums `S`, then along the
+/// columns. The border is mirrored at the outermost pixels (OpenCV's `BORDER_REFLECT_101`).
 fn separable<P: Copy, S: Copy + Default, T: Copy + Default>(
     image: &Image<P>,
     kernel: &[S],

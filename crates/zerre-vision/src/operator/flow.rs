@@ -3,8 +3,8 @@
 use super::reflect;
 use crate::{Error, Image, Result};
 
-/// A grey picture and smaller ones: each level has half the columns and rows of the one before, rounded up, blurred by
-/// the binomial window of five pixels (Burt and Adelson 1983), as OpenCV's `pyrDown`.
+/// A grey picture and smaller ones: each level has half the columns and rows of the one before, rounded up,
+/// blurred by the binomial window of five pixels (Burt and Adelson 1983), as OpenCV's `pyrDown`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pyramid(Vec<Image<u8>>);
 
@@ -14,7 +14,7 @@ impl Pyramid {
         let mut all = vec![image];
         while all.len() <= levels {
             let next = half(&all[all.len() - 1]);
-            if next.width().min(next.height()) <= side {
+            if next.width().min(next.height()) <= side.max(1) {
                 break;
             }
             all.push(next);
@@ -30,21 +30,25 @@ impl Pyramid {
 
 /// The next level of a pyramid.
 fn half(image: &Image<u8>) -> Image<u8> {
-    const WEIGHTS: [u32; 5] = [1, 4, 6, 4, 1];
+    // They sum to 16: sums over both directions stay below 2^16.
+    const WEIGHTS: [u16; 5] = [1, 4, 6, 4, 1];
     let (width, height) = image.size();
-    let mut sums = vec![0; width];
+    let columns: Vec<usize> = (-2..width as isize + 2).map(|x| reflect(x, width)).collect();
+    let (mut sums, mut padded) = (vec![0; width], vec![0; width + 4]);
     let mut result = Image::filled(width.div_ceil(2), height.div_ceil(2), 0);
     for y in 0..result.height() {
         sums.fill(0);
         for (j, weight) in WEIGHTS.into_iter().enumerate() {
             let row = image.row(reflect((2 * y + j) as isize - 2, height));
             for (sum, &pixel) in sums.iter_mut().zip(row) {
-                *sum += weight * u32::from(pixel);
+                *sum += weight * u16::from(pixel);
             }
         }
-        for (x, pixel) in result.row_mut(y).iter_mut().enumerate() {
-            let at = |i: usize| sums[reflect((2 * x + i) as isize - 2, width)];
-            let sum: u32 = WEIGHTS.into_iter().enumerate().map(|(i, weight)| weight * at(i)).sum();
+        for (padded, &x) in padded.iter_mut().zip(&columns) {
+            *padded = sums[x];
+        }
+        for (pixel, sums) in result.row_mut(y).iter_mut().zip(padded.windows(5).step_by(2)) {
+            let sum: u16 = sums.iter().zip(WEIGHTS).map(|(sum, weight)| sum * weight).sum();
             *pixel = ((sum + 128) >> 8) as u8;
         }
     }
@@ -63,8 +67,8 @@ pub struct Flow {
 }
 
 /// Pyramidal tracker of Lucas and Kanade (Bouguet 2000, "Pyramidal implementation of the Lucas Kanade feature
-/// tracker"), with the border, the derivatives and the stopping rules of OpenCV's `calcOpticalFlowPyrLK`. Windows are
-/// interpolated in single precision where OpenCV rounds them to 1/32 of a grey level.
+/// tracker"), with the border, the derivatives and the stopping rules of OpenCV's `calcOpticalFlowPyrLK`.
+/// Windows are interpolated in single precision where OpenCV rounds them to 1/32 of a grey level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LucasKanade {
     /// Side of the square window about a point, pixels; 3 to 255.
@@ -75,8 +79,8 @@ pub struct LucasKanade {
     pub iterations: usize,
     /// The step below which it has converged, pixels.
     pub tolerance: f64,
-    /// Least eigenvalue of the gradients' mean outer product over the window, squared grey levels a squared pixel,
-    /// below which a point is not found. It is 1024 times that of OpenCV.
+    /// Least eigenvalue of the gradients' mean outer product over the window, squared grey levels a squared
+    /// pixel, below which a point is not found. It is 1024 times that of OpenCV.
     pub min_eigenvalue: f64,
 }
 
@@ -112,8 +116,8 @@ fn gather(image: &Image<u8>, x: isize, y: isize, side: usize, into: &mut Vec<f32
     }
 }
 
-/// Derivatives at the inner pixels of a gathered square of `side`, grey levels a pixel (Scharr's operator); zero where
-/// they lie outside the picture, whose column and row of the first inner pixel is `(x, y)`.
+/// Derivatives at the inner pixels of a gathered square of `side`, grey levels a pixel (Scharr's operator);
+/// zero where they lie outside the picture, whose column and row of the first inner pixel is `(x, y)`.
 fn derive(
     pixels: &[f32],
     side: usize,
@@ -159,8 +163,8 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
     f64::from(sums.into_iter().sum::<f32>() + rest)
 }
 
-/// Pixel of the upper left corner of a window, and how far behind that pixel's centre it is; `None` for one that shows
-/// nothing of the picture.
+/// Pixel of the upper left corner of a window, and how far behind that pixel's centre it is; `None` for one
+/// that shows nothing of the picture.
 fn corner(point: [f64; 2], side: usize, (width, height): (usize, usize)) -> Option<([isize; 2], [f32; 2])> {
     let start = point.map(|v| v - (side - 1) as f64 / 2.0);
     let pixel = start.map(f64::floor);
@@ -175,8 +179,9 @@ impl LucasKanade {
         Pyramid::new(image, self.levels, self.side)
     }
 
-    /// Where points of one picture are in another of the same size. The answers, in the points' order, replace what
-    /// `flows` held. Points are places in the picture: (0.5, 0.5) is the centre of the first pixel.
+    /// Where points of one picture are in another of the same size. The answers, in the points' order,
+    /// replace what `flows` held. Points are places in the picture: (0.5, 0.5) is the centre of the first
+    /// pixel.
     ///
     /// # Errors
     /// Pictures of different sizes; a side below 3 or above 255.
@@ -208,7 +213,8 @@ impl LucasKanade {
 
     /// One point through all levels, the smallest picture first.
     fn one(&self, from: &Pyramid, to: &Pyramid, point: [f64; 2], buffers: &mut Buffers) -> Flow {
-        // Pixel 2 i of a level is pixel i of the next: halving is exact for indices of pixels, not for places.
+        // Pixel 2 i of a level is pixel i of the next: halving is exact for indices of pixels, not for
+        // places.
         let start = point.map(|v| v - 0.5);
         let levels = from.0.len().min(to.0.len());
         let mut next = start.map(|v| v / (1_u64 << (levels - 1)) as f64);
@@ -223,8 +229,8 @@ impl LucasKanade {
         Flow { point: next.map(|v| v + 0.5), found: residual.is_some(), residual: residual.unwrap_or(0.0) }
     }
 
-    /// Newton's method on one level. `None` if the point cannot be found; else the mean absolute difference, which is
-    /// measured on the `last` level only.
+    /// Newton's method on one level. `None` if the point cannot be found; else the mean absolute difference,
+    /// which is measured on the `last` level only.
     fn step(
         &self,
         from: &Image<u8>,
@@ -289,6 +295,7 @@ mod tests {
 
     #[test]
     fn tiny_pictures_and_strange_points_are_survived() {
+        assert_eq!(Pyramid::new(Image::filled(5, 4, 0), usize::MAX, 0).levels().len(), 2);
         let tracker = LucasKanade::default();
         let mut flows = Vec::new();
         for (width, height) in [(1, 1), (1, 30), (23, 22), (90, 60)] {

@@ -23,8 +23,8 @@ impl Histogram {
         Ok(Histogram { bins, shares: vec![0.0; bins.pow(3)] })
     }
 
-    /// Counts the pixels whose centres lie in a box and on the picture, of any colour space, instead of what was
-    /// counted before.
+    /// Counts the pixels whose centres lie in a box and on the picture, of any colour space, instead of what
+    /// was counted before.
     ///
     /// # Errors
     /// A box without such a pixel; the histogram is empty then.
@@ -55,14 +55,15 @@ impl Histogram {
     }
 }
 
-/// Bhattacharyya coefficient of two distributions, the sum of sqrt(p q): 1 where they are the same, 0 where they have
-/// nothing in common. Cells that only one of them has count for nothing.
+/// Bhattacharyya coefficient of two distributions, the sum of sqrt(p q): 1 where they are the same, 0 where
+/// they have nothing in common. Cells that only one of them has count for nothing.
 pub fn bhattacharyya(p: &[f64], q: &[f64]) -> f64 {
     p.iter().zip(q).map(|(p, q)| (p * q).sqrt()).sum()
 }
 
-/// Hellinger distance of two distributions, sqrt(1 - [`bhattacharyya`]), from 0 to 1: what OpenCV's `compareHist` calls
-/// Bhattacharyya distance, and what colour trackers weigh particles by (Perez, Hue, Vermaak and Gangnet 2002).
+/// Hellinger distance of two distributions, sqrt(1 - [`bhattacharyya`]), from 0 to 1: what OpenCV's
+/// `compareHist` calls Bhattacharyya distance, and what colour trackers weigh particles by (Perez, Hue,
+/// Vermaak and Gangnet 2002).
 pub fn bhattacharyya_distance(p: &[f64], q: &[f64]) -> f64 {
     (1.0 - bhattacharyya(p, q)).max(0.0).sqrt()
 }

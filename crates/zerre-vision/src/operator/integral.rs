@@ -5,12 +5,14 @@ use crate::Image;
 /// Sums over every upright box of a picture in four look-ups (Crow 1984; Viola and Jones 2001).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Integral {
-    /// One column and one row more than the picture: the sums of all pixels to the left of and above a corner.
+    /// One column and one row more than the picture: the sums of all pixels to the left of and above a
+    /// corner.
     sums: Image<f64>,
 }
 
 impl Integral {
-    /// Sums of a function of the pixels: their values, squares, weights. Sums of integers are exact below 2^53.
+    /// Sums of a function of the pixels: their values, squares, weights. Sums of integers are exact below
+    /// 2^53.
     pub fn of<P>(image: &Image<P>, mut value: impl FnMut(&P) -> f64) -> Integral {
         let (width, height) = image.size();
         let mut sums = Image::filled(width + 1, height + 1, 0.0);
@@ -27,8 +29,8 @@ impl Integral {
         Integral { sums }
     }
 
-    /// Sum over the pixels of columns `x` to `x + width - 1` and rows `y` to `y + height - 1`, as far as they are in
-    /// the picture.
+    /// Sum over the pixels of columns `x` to `x + width - 1` and rows `y` to `y + height - 1`, as far as they
+    /// are in the picture.
     pub fn sum(&self, x: isize, y: isize, width: usize, height: usize) -> f64 {
         let (right, lower) = (x.saturating_add_unsigned(width), y.saturating_add_unsigned(height));
         self.sums.at(right, lower) - self.sums.at(x, lower) - self.sums.at(right, y) + self.sums.at(x, y)

@@ -1,31 +1,41 @@
 //! Operators of image processing: free functions from pictures to pictures, numbers or points.
 //!
-//! They follow the conventions of OpenCV, or of scikit-image where they say so, and are tested against their output.
-//! Every operator gives the same bits on every machine: integer arithmetic where its source has it, else sums in a
-//! fixed order and no function of the platform's mathematical library.
+//! They follow the conventions of OpenCV, or of scikit-image where they say so, and are tested against their
+//! output. Every operator gives the same bits on every machine: integer arithmetic where its source has it,
+//! else sums in a fixed order and no function of the platform's mathematical library.
 //!
-//! A grey picture is an `Image<u8>`. A mask is one as well: zero is unset, anything else set, and the operators that
-//! make masks write 0 and 255.
+//! A grey picture is an `Image<u8>`. A mask is one as well: zero is unset, anything else set, and the
+//! operators that make masks write 0 and 255.
 
+mod arithmetic;
 mod color;
+mod components;
 mod corner;
 mod equalize;
 mod filter;
 mod flow;
 mod histogram;
+mod hog;
 mod integral;
+mod morphology;
 mod patch;
 mod ssim;
+mod threshold;
 
+pub use arithmetic::{absolute_difference, add, and, not, or, subtract, weighted_sum};
 pub use color::{channel, grey, hsv, lab, merge};
+pub use components::{Component, Components, Neighbours, components};
 pub use corner::{Corners, corners};
 pub use equalize::{clahe, equalize};
 pub use filter::{blur, blur_f32, gaussian_kernel};
 pub use flow::{Flow, LucasKanade, Pyramid};
 pub use histogram::{Histogram, bhattacharyya, bhattacharyya_distance};
+pub use hog::Hog;
 pub use integral::Integral;
+pub use morphology::{Element, area_open, clear_border, close, dilate, erode, fill_holes, open};
 pub use patch::{Sample, crop, patch};
 pub use ssim::{Ssim, Windows};
+pub use threshold::{in_range, in_range_color, otsu, threshold};
 
 use crate::{Error, Rect, Result};
 use std::ops::Range;

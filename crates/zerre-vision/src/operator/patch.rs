@@ -7,8 +7,8 @@ pub trait Sample: Copy {
     /// What lies between two of them.
     type Real: Copy;
 
-    /// The value at `across` and `down`, from 0 to 1, between the upper left, upper right, lower left and lower right
-    /// pixel.
+    /// The value at `across` and `down`, from 0 to 1, between the upper left, upper right, lower left and
+    /// lower right pixel.
     fn between(corners: [Self; 4], across: f32, down: f32) -> Self::Real;
 }
 
@@ -37,17 +37,17 @@ impl<P: Sample, const N: usize> Sample for [P; N] {
     }
 }
 
-/// The pixels of columns `x` to `x + width - 1` and rows `y` to `y + height - 1`, at least one; beyond the border, the
-/// nearest ones.
+/// The pixels of columns `x` to `x + width - 1` and rows `y` to `y + height - 1`, at least one; beyond the
+/// border, the nearest ones.
 pub fn crop<P: Copy>(image: &Image<P>, x: isize, y: isize, width: usize, height: usize) -> Image<P> {
     let beyond = |start: isize, i: usize| start.saturating_add_unsigned(i);
     Image::from_fn(width, height, |i, j| image.at(beyond(x, i), beyond(y, j)))
 }
 
-/// A box of a picture, resampled to `width` x `height` pixels: the box is cut into as many equal cells, and each is the
-/// bilinear value at its centre; beyond the border, that of the nearest pixels. A box as large as the patch is shifted
-/// only (OpenCV's `getRectSubPix`); any other is resized (OpenCV's `resize` with `INTER_LINEAR`), where smaller patches
-/// skip pixels: blur first.
+/// A box of a picture, resampled to `width` x `height` pixels: the box is cut into as many equal cells, and
+/// each is the bilinear value at its centre; beyond the border, that of the nearest pixels. A box as large as
+/// the patch is shifted only (OpenCV's `getRectSubPix`); any other is resized (OpenCV's `resize` with
+/// `INTER_LINEAR`), where smaller patches skip pixels: blur first.
 ///
 /// # Errors
 /// A box with a number that is not finite, or sides that are not positive; a patch without a pixel.

@@ -9,13 +9,13 @@ use zerre::math::{exp, ln};
 const C1: f64 = 6.5025;
 const C2: f64 = 58.5225;
 
-/// Structural similarity of grey pictures (Wang, Bovik, Sheikh and Simoncelli 2004, IEEE Transactions on Image
-/// Processing 13(4), eq. 12): l^alpha c^beta s^gamma of the luminance, the contrast and the structure in a square
-/// window, averaged over all windows that lie in the pictures.
+/// Structural similarity of grey pictures (Wang, Bovik, Sheikh and Simoncelli 2004, IEEE Transactions on
+/// Image Processing 13(4), eq. 12): l^alpha c^beta s^gamma of the luminance, the contrast and the structure
+/// in a square window, averaged over all windows that lie in the pictures.
 ///
-/// With exponents of one it is scikit-image's `structural_similarity` with uniform windows, sample covariances and a
-/// range of 255. The structure is a correlation and may be negative: with another exponent its sign is kept,
-/// s^gamma = sign(s) |s|^gamma, so that the opposite of a picture is never like it.
+/// With exponents of one it is scikit-image's `structural_similarity` with uniform windows, sample
+/// covariances and a range of 255. The structure is a correlation and may be negative: with another exponent
+/// its sign is kept, s^gamma = sign(s) |s|^gamma, so that the opposite of a picture is never like it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ssim {
     side: usize,
@@ -100,8 +100,8 @@ impl Ssim {
         Ok(Ssim { side, ..Ssim::default() })
     }
 
-    /// Other exponents of luminance, contrast and structure (alpha, beta, gamma). Exponents other than zero and one
-    /// cost a power a window.
+    /// Other exponents of luminance, contrast and structure (alpha, beta, gamma). Exponents other than zero
+    /// and one cost a power a window.
     ///
     /// # Errors
     /// An exponent that is negative or not finite.
@@ -225,9 +225,9 @@ impl Ssim {
         }
     }
 
-    /// Mean structural similarity of a template and of each part of a scene of its size: the scores of `corners`, the
-    /// column and the row of the parts' upper left pixels. Means and variances of the scene are shared by all; only
-    /// the covariance is of each part. The scores replace what `scores` held.
+    /// Mean structural similarity of a template and of each part of a scene of its size: the scores of
+    /// `corners`, the column and the row of the parts' upper left pixels. Means and variances of the scene
+    /// are shared by all; only the covariance is of each part. The scores replace what `scores` held.
     ///
     /// # Errors
     /// Windows of another side; a corner whose part is not all in the scene.
@@ -281,8 +281,8 @@ impl Ssim {
         Ok(scores[0])
     }
 
-    /// Structural similarity of every window of two pictures: pixel (x, y) is that of the window from (x, y) to
-    /// (x + side, y + side), so the map is smaller than the pictures by side - 1.
+    /// Structural similarity of every window of two pictures: pixel (x, y) is that of the window from (x, y)
+    /// to (x + side, y + side), so the map is smaller than the pictures by side - 1.
     ///
     /// # Errors
     /// Pictures of different sizes, or smaller than a window.
@@ -313,6 +313,20 @@ mod tests {
             let ssim = ssim.with_exponents(l, c, s).unwrap();
             assert!((ssim.mean(&stripes, &stripes).unwrap() - 1.0).abs() < 1e-12);
             assert!(ssim.mean(&stripes, &opposite).unwrap() < -0.9);
+        }
+    }
+
+    #[test]
+    fn every_simd_level_gives_the_same_bits() {
+        let [a, b] = [3, 5].map(|k| Image::from_fn(29, 17, |x, y| ((k * x * x + 7 * y * x) % 256) as u8));
+        for exponents in [[1.0; 3], [0.3, 1.7, 0.6]] {
+            let ssim = Ssim { exponents, ..Ssim::default() };
+            let [template, scene] = [&a, &b].map(|image| ssim.windows(image.clone()).unwrap());
+            let (mut columns, mut values, mut map) = (Columns::new(7, 29), [0.0; 23], Vec::new());
+            let collect = |row: &[f64]| map.extend_from_slice(row);
+            // Compiled for the least level of the target.
+            ssim.rows_here(&template, &scene, (0, 0), &mut columns, &mut values, collect);
+            assert_eq!(ssim.map(&a, &b).unwrap().pixels(), map);
         }
     }
 

@@ -2,15 +2,19 @@
 
     pip install opencv-contrib-python==5.0.0.* scikit-image==0.26.* && python make.py
 
-An entry of a file is a line "NAME WIDTH HEIGHT CHANNELS KIND" and the values: of kind u8, a line of hexadecimal bytes
-for every row; of kind real, a line of numbers for every row.
+An entry of a file is a line "NAME WIDTH HEIGHT CHANNELS KIND" and the values: of kind u8, a line of hexadecimal
+bytes for every row; of kind real, a line of numbers for every row.
 """
 
 import pathlib
 
 import cv2
 import numpy as np
+from scipy import ndimage
+from skimage.feature import hog
+from skimage.measure import label, regionprops
 from skimage.metrics import structural_similarity
+from skimage.segmentation import clear_border
 
 HERE = pathlib.Path(__file__).parent
 random = np.random.default_rng(20260101)
@@ -71,7 +75,7 @@ def filters():
     out.put("image", image)
     for size, sigma in ((3, 0), (5, 0), (9, 0), (15, 0), (5, 1.3), (31, 6.0)):
         out.put(f"blur_{size}_{sigma}", cv2.GaussianBlur(image, (size, size), sigma))
-    out.put("blur_f32", cv2.GaussianBlur(image.astype(np.float32) / 255, (11, 11), 0), 8)
+    out.put("blur_f32", cv2.GaussianBlur(image[5:20, 17:33].astype(np.float32) / 255, (11, 11), 0), 8)
     dark = (image // 3 + 20).astype(np.uint8)
     out.put("dark", dark)
     out.put("equalize", cv2.equalizeHist(dark))
@@ -160,8 +164,71 @@ def flow():
     out.save()
 
 
+def masks():
+    out = Vectors("mask")
+    a, b = scene(31, 22), random.integers(0, 256, (22, 31), dtype=np.uint8)
+    out.put("a", a)
+    out.put("b", b)
+    out.put("add", cv2.add(a, b))
+    out.put("subtract", cv2.subtract(a, b))
+    out.put("difference", cv2.absdiff(a, b))
+    out.put("weighted", cv2.addWeighted(a, 0.625, b, -0.25, 31.5))
+    out.put("and", a & b)
+    out.put("or", a | b)
+    out.put("otsu", [cv2.threshold(a, 0, 255, cv2.THRESH_OTSU)[0]])
+    out.put("threshold", cv2.threshold(a, 118, 255, cv2.THRESH_BINARY)[1])
+    out.put("in_range", cv2.inRange(a, 90, 140))
+    colors = np.dstack([a, b, a[::-1]])
+    out.put("in_range_color", cv2.inRange(colors, (60, 30, 80), (190, 230, 150)))
+    for name, shape in (("rectangle", cv2.MORPH_RECT), ("cross", cv2.MORPH_CROSS), ("ellipse", cv2.MORPH_ELLIPSE)):
+        for width, height in ((3, 3), (5, 7), (4, 2), (1, 6), (11, 8)):
+            element = cv2.getStructuringElement(shape, (width, height))
+            out.put(f"{name}_{width}_{height}", element * 255)
+        element = cv2.getStructuringElement(shape, (5, 4))
+        out.put(f"erode_{name}", cv2.erode(a, element))
+        out.put(f"dilate_{name}", cv2.dilate(a, element))
+        out.put(f"open_{name}", cv2.morphologyEx(a, cv2.MORPH_OPEN, element))
+        out.put(f"close_{name}", cv2.morphologyEx(a, cv2.MORPH_CLOSE, element))
+    b = b[:18, :24].copy()
+    mask = ((b > 140) * 255).astype(np.uint8)
+    mask[4:17, 6:21] |= cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((2, 2), np.uint8))[4:17, 6:21]
+    out.put("mask", mask)
+    for neighbours in (4, 8):
+        structure = ndimage.generate_binary_structure(2, neighbours // 4)
+        labels = label(mask > 0, connectivity=neighbours // 4)
+        out.put(f"labels_{neighbours}", labels.astype(np.uint8))
+        # Boxes are x, y, width, height; centroids (x, y) of pixels' centres.
+        parts = [
+            (p.area, p.centroid[1] + 0.5, p.centroid[0] + 0.5, p.bbox[1], p.bbox[0])
+            + (p.bbox[3] - p.bbox[1], p.bbox[2] - p.bbox[0])
+            for p in regionprops(labels)
+        ]
+        out.put(f"parts_{neighbours}", np.array(parts, float), 12)
+        large = np.bincount(labels.ravel()) >= 4
+        large[0] = False
+        out.put(f"area_{neighbours}", (large[labels] * 255).astype(np.uint8))
+        filled = ndimage.binary_fill_holes(mask > 0, structure)
+        out.put(f"filled_{neighbours}", (filled * 255).astype(np.uint8))
+        out.put(f"inner_{neighbours}", ((clear_border(labels) > 0) * 255).astype(np.uint8))
+    out.save()
+
+
+def gradients():
+    out = Vectors("hog")
+    image = scene(37, 29)
+    image[:4] = random.integers(0, 3, (4, 37)) * 40
+    out.put("image", image)
+    options = dict(block_norm="L2-Hys", feature_vector=True)
+    # scikit-image gives rows first.
+    out.put("default", hog(image, **options), 10)
+    out.put("small", hog(image, orientations=8, pixels_per_cell=(7, 6), cells_per_block=(2, 1), **options), 10)
+    out.save()
+
+
 if __name__ == "__main__":
     color()
     filters()
     ssim()
     flow()
+    masks()
+    gradients()
