@@ -109,7 +109,7 @@ impl AppearanceTracker {
             .collect::<Result<_>>()?;
         let ground = around.iter().sum::<f64>() / around.len().max(1) as f64;
         let usual = (resemblance.similarity(frame, place)?, 1);
-        let motion = BoxMotion::new(settings, position_sd, None);
+        let motion = BoxMotion::new(settings, position_sd, None, frame.size());
         let rules = ParticleFilter::new(prior, motion, resemblance, filter.clone())?;
         let cloud = rules.start(Time::ZERO, stream)?;
         Ok(AppearanceTracker {
@@ -151,7 +151,7 @@ impl Tracker for AppearanceTracker {
         }
         let flow = self.trail.as_ref().map(|trail| trail.median(frame)).transpose()?.flatten();
         self.steps += 1;
-        let motion = BoxMotion::new(&self.settings, self.position_sd, flow);
+        let motion = BoxMotion::new(&self.settings, self.position_sd, flow, self.size);
         let resemblance = Resemblance::new(&self.template, &self.settings, &self.spare);
         let rules = ParticleFilter::new(self.prior, motion, resemblance, self.filter.clone())?;
         rules.step(&mut self.cloud, Time::from_nanos(self.steps * 1_000_000_000), Some(frame))?;

@@ -3,9 +3,9 @@
 use super::colour::{Bins, ColourTemplate, Counts, bin_of, span};
 use super::motion::STATE;
 use super::place::Place;
-use super::settings::{AppearanceSettings, Similarity};
+use super::settings::{AppearanceSettings, Equalisation, Similarity};
 use super::structure::{Moments, Plane, StructureTemplate, Sums};
-use crate::operator::{blur, channel, clahe, crop, grey, merge, patch};
+use crate::operator::{Clahe, blur, channel, crop, extended, grey, merge, patch};
 use crate::{Frame, Image, Rect, Result};
 use fearless_simd::{Level, dispatch};
 use std::sync::{Mutex, PoisonError};
@@ -50,18 +50,6 @@ impl Spare {
     }
 }
 
-/// Fills `to` with values of the pixels of `row` from number `at` on; beyond its ends with those of the nearest pixel.
-fn extended<P: Copy, Q: Copy>(row: &[P], at: isize, to: &mut [Q], value: impl Fn(P) -> Q) {
-    let (Some(&first), Some(&last)) = (row.first(), row.last()) else { return };
-    let before = at.min(0).unsigned_abs().min(to.len());
-    let (left, to) = to.split_at_mut(before);
-    left.fill(value(first));
-    let seen = row.get(at.max(0) as usize..).unwrap_or_default();
-    let (middle, right) = to.split_at_mut(seen.len().min(to.len()));
-    middle.iter_mut().zip(seen).for_each(|(to, pixel)| *to = value(*pixel));
-    right.fill(value(last));
-}
-
 /// The row of a picture that begins at `from` which row `y` of `region` shows.
 fn row_of<P>(picture: &Image<P>, from: Place, region: Place, y: usize) -> &[P] {
     let row = region.y + y as isize - from.y;
@@ -86,21 +74,26 @@ impl AppearanceSettings {
         Ok((merge([&red?, &green?, &blue?])?, wider))
     }
 
-    /// The part of the smoothed and equalised grey frame that `region` sees, and where it lies.
+    /// The part of the smoothed and equalised grey frame that `region` sees, and where it lies: as it is in the whole
+    /// frame, of which no more is computed than decides it.
     fn greys(&self, frame: &Frame, region: Place) -> Result<(Image<u8>, Place)> {
-        let whole = Place { x: 0, y: 0, width: frame.width(), height: frame.height() };
-        let part = match (self.equalisation, self.blur) {
-            (Some(_), _) => whole,
-            (None, size) => region.on_frame(size.unwrap_or(0) / 2, frame.size()),
+        let seen = region.on_frame(0, frame.size());
+        let Some(Equalisation { clip, tiles }) = self.equalisation else {
+            return self.smooth_greys(frame, seen);
         };
-        let mut picture = grey(&cut(frame, part));
-        if let Some(size) = self.blur {
-            picture = blur(&picture, size, None)?;
-        }
-        if let Some(equalisation) = self.equalisation {
-            picture = clahe(&picture, equalisation.clip, equalisation.tiles)?;
-        }
-        Ok((picture, part))
+        let clahe = Clahe::new(frame.size(), clip, tiles)?;
+        let part = [seen.x as usize, seen.y as usize, seen.width, seen.height];
+        let [x, y, width, height] = clahe.reach(part);
+        let reach = Place { x: x as isize, y: y as isize, width, height };
+        let (picture, from) = self.smooth_greys(frame, reach)?;
+        Ok((clahe.part(&picture, (from.x as usize, from.y as usize), part), seen))
+    }
+
+    /// A part of the smoothed grey frame, with a margin that is not right, and where it lies.
+    fn smooth_greys(&self, frame: &Frame, part: Place) -> Result<(Image<u8>, Place)> {
+        let Some(size) = self.blur else { return Ok((grey(&cut(frame, part)), part)) };
+        let wider = part.on_frame(size / 2, frame.size());
+        Ok((blur(&grey(&cut(frame, wider)), size, None)?, wider))
     }
 
     fn bins(&self, frame: &Frame, region: Place, count: usize, bins: &mut Bins) -> Result<()> {
