@@ -25,6 +25,9 @@ pub(super) enum Template {
 /// Memory that blocks of particles use one after the other.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
+    /// The frame, by its number, and the part of it that is in the memory.
+    seen: Option<(i64, Place)>,
+    picture: Option<(Image<u8>, Place)>,
     places: Vec<Option<Place>>,
     similarities: Vec<f64>,
     bins: Bins,
@@ -187,11 +190,18 @@ pub(super) struct Resemblance<'a> {
     template: &'a Template,
     settings: &'a AppearanceSettings,
     spare: &'a Spare,
+    /// Number of the frame.
+    number: i64,
 }
 
 impl<'a> Resemblance<'a> {
-    pub(super) fn new(template: &'a Template, settings: &'a AppearanceSettings, spare: &'a Spare) -> Self {
-        Resemblance { template, settings, spare }
+    pub(super) fn new(
+        template: &'a Template,
+        settings: &'a AppearanceSettings,
+        spare: &'a Spare,
+        number: i64,
+    ) -> Self {
+        Resemblance { template, settings, spare, number }
     }
 
     /// Similarity of one box.
@@ -208,40 +218,50 @@ impl<'a> Resemblance<'a> {
     fn compare(&self, frame: &Frame, memory: &mut Memory) -> Result<()> {
         memory.similarities.clear();
         memory.similarities.resize(memory.places.len(), 0.0);
-        let Some(region) = Place::about(memory.places.iter().flatten().copied()) else { return Ok(()) };
+        let Some(wanted) = Place::about(memory.places.iter().flatten().copied()) else { return Ok(()) };
+        // What a part of the frame looks like does not depend on the part.
+        let known = memory.seen.filter(|(number, region)| *number == self.number && wanted.is_in(*region));
+        let region = known.map_or(wanted, |(_, region)| region);
+        if known.is_none() {
+            memory.seen = None;
+            match self.template {
+                Template::Colour(template) => {
+                    self.settings.bins(frame, region, template.bins(), &mut memory.bins)?;
+                }
+                Template::Structure(template) => {
+                    memory.picture = Some(self.settings.plane(frame, region, &mut memory.plane)?);
+                    let Memory { plane, moments, sums, .. } = memory;
+                    if template.shares_moments() {
+                        dispatch!(Level::new(), _simd => moments.fill(plane, template.window(), sums));
+                    }
+                }
+            }
+            memory.seen = Some((self.number, region));
+        }
         match self.template {
             Template::Colour(template) => {
-                self.settings.bins(frame, region, template.bins(), &mut memory.bins)?;
                 for (place, similarity) in memory.places.iter().zip(&mut memory.similarities) {
                     let Some(place) = *place else { continue };
                     let (at, size) = span(place, region);
                     *similarity = template.similarity(&memory.bins, at, size, &mut memory.counts);
                 }
+                Ok(())
             }
             Template::Structure(template) => {
-                let picture = self.settings.plane(frame, region, &mut memory.plane)?;
                 // The same code for every SIMD level, which the compiler widens; no result depends on the width.
-                dispatch!(Level::new(), _simd => structures(template, (&picture, region), memory))?;
+                dispatch!(Level::new(), _simd => structures(template, region, memory))
             }
         }
-        Ok(())
     }
 }
 
 /// Structural similarities of all places, whose grey values are those of `region`.
 #[inline(always)]
-fn structures(
-    template: &StructureTemplate,
-    (picture, region): (&(Image<u8>, Place), Place),
-    memory: &mut Memory,
-) -> Result<()> {
-    let Memory { places, similarities, plane, moments, patch, patch_moments, sums, .. } = memory;
+fn structures(template: &StructureTemplate, region: Place, memory: &mut Memory) -> Result<()> {
+    let Memory { places, similarities, picture, plane, moments, patch, patch_moments, sums, .. } = memory;
     let size = template.size();
     let is_whole = |place: &Place| (place.width, place.height) == size;
     let shares_moments = template.shares_moments();
-    if shares_moments && places.iter().flatten().any(is_whole) {
-        moments.fill(plane, template.window(), sums);
-    }
     for (place, similarity) in places.iter().zip(similarities) {
         let Some(place) = *place else { continue };
         if shares_moments && is_whole(&place) {
@@ -250,7 +270,7 @@ fn structures(
         }
         if is_whole(&place) {
             patch.copy(plane, place.within(region), size);
-        } else {
+        } else if let Some(picture) = picture {
             resampled(picture, place, size, patch)?;
         }
         template.shade(patch);
