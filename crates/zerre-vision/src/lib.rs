@@ -7,6 +7,7 @@
 mod error;
 pub mod frames;
 pub mod image;
+pub mod operator;
 mod rect;
 pub mod sequence;
 pub mod tracker;

@@ -1,7 +1,8 @@
 //! The list of trackers: what the command line, the reports and the tests know.
 
-use super::{Still, Tracker};
+use super::{AppearanceSettings, AppearanceTracker, Still, Tracker};
 use crate::{Frame, Rect, Result};
+use zerre::kernels::Threads;
 use zerre::rng::Stream;
 
 /// A tracker that can be chosen by its name.
@@ -28,12 +29,56 @@ impl Kind {
 }
 
 /// All trackers; the first one is the default.
-pub const TRACKERS: &[Kind] = &[Kind {
-    name: "still",
-    about: "the box stays where it is put: the floor of every table",
-    source: "a baseline",
-    start: |frame, bounds, _| Ok(Box::new(Still::new(frame, bounds))),
-}];
+pub const TRACKERS: &[Kind] = &[
+    Kind {
+        name: "still",
+        about: "the box stays where it is put: the floor of every table",
+        source: "a baseline",
+        start: |frame, bounds, _| Ok(Box::new(Still::new(frame, bounds))),
+    },
+    Kind {
+        name: "rt",
+        about: "particles weighed by colour histograms",
+        source: DILMEN_TALU,
+        start: |frame, bounds, stream| by_appearance(frame, bounds, stream, &AppearanceSettings::rt()),
+    },
+    Kind {
+        name: "frt",
+        about: "particles weighed by colour histograms of the smoothed frame",
+        source: DILMEN_TALU,
+        start: |frame, bounds, stream| by_appearance(frame, bounds, stream, &AppearanceSettings::frt()),
+    },
+    Kind {
+        name: "ssim",
+        about: "particles weighed by structural similarity, led by optical flow",
+        source: DILMEN_TALU,
+        start: |frame, bounds, stream| by_appearance(frame, bounds, stream, &AppearanceSettings::ssim()),
+    },
+    Kind {
+        name: "ssimfahe",
+        about: "structural similarity of the smoothed and adaptively equalised frame",
+        source: DILMEN_TALU,
+        start: |frame, bounds, stream| by_appearance(frame, bounds, stream, &AppearanceSettings::ssimfahe()),
+    },
+    Kind {
+        name: "massimahe",
+        about: "the same with boxes whose middle counts more",
+        source: DILMEN_TALU,
+        start: |frame, bounds, stream| by_appearance(frame, bounds, stream, &AppearanceSettings::massimahe()),
+    },
+];
+
+const DILMEN_TALU: &str = "Dilmen and Talu 2017, with the readings of `AppearanceSettings`";
+
+fn by_appearance(
+    frame: &Frame,
+    bounds: Rect,
+    stream: Stream,
+    settings: &AppearanceSettings,
+) -> Result<Box<dyn Tracker>> {
+    let tracker = AppearanceTracker::start(frame, bounds, settings, (stream, Threads::Serial))?;
+    Ok(Box::new(tracker))
+}
 
 /// The tracker of this name.
 pub fn find(name: &str) -> Option<&'static Kind> {

@@ -1,8 +1,13 @@
 //! Trackers: they start on a box in a frame and say in every further frame where the object is, and how sure they are.
 
+mod appearance;
 mod list;
 mod still;
 
+pub use appearance::{
+    AppearanceSettings, AppearanceTracker, CentreWeight, Deviation, Equalisation, FlowUse, Similarity,
+    TemplateUpdate,
+};
 pub use list::{Kind, TRACKERS, find};
 pub use still::Still;
 

@@ -56,6 +56,9 @@ struct Trial {
     rival: usize,
     /// Error of the swarm move as a multiple of that rival's, geometric mean over runs.
     ratio: Estimate,
+    /// The rival that is least told from it, and in how many of all runs the swarm move is nearer than that one.
+    doubt: usize,
+    nearer: (usize, usize),
     /// Probability of so much or more if some rival were as good, corrected for the number of trials.
     pays: f64,
     /// Probability of so much less or more if it were as good as the best rival, likewise.
@@ -115,11 +118,16 @@ impl Results {
             let greater = |differences: &[f64]| paired(differences).map_or(1.0, |test| test.p_greater);
             let negated = |differences: Vec<f64>| differences.into_iter().map(|d| -d).collect::<Vec<_>>();
             // It pays where it beats every one of them: the weakest of the tests decides.
-            let pays = rivals.iter().map(|at| greater(&negated(against(*at)))).fold(0.0, f64::max);
+            let (doubt, pays) = rivals
+                .iter()
+                .map(|at| (*at, greater(&negated(against(*at)))))
+                .fold((rival, 0.0), |weakest, next| if next.1 > weakest.1 { next } else { weakest });
+            let doubted = against(doubt);
+            let nearer = (doubted.iter().filter(|log| **log < 0.0).count(), doubted.len());
             let costs = greater(&against(rival));
             let Some(log) = mean_interval(&against(rival)) else { continue };
             let ratio = Estimate { value: log.value.exp(), low: log.low.exp(), high: log.high.exp() };
-            trials.push(Trial { scene, budget, swarm, rival, ratio, pays, costs });
+            trials.push(Trial { scene, budget, swarm, rival, ratio, doubt, nearer, pays, costs });
         }
         let pays = holm(&trials.iter().map(|trial| trial.pays).collect::<Vec<_>>());
         let costs = holm(&trials.iter().map(|trial| trial.costs).collect::<Vec<_>>());
@@ -264,7 +272,14 @@ impl Results {
             )
         });
         if let Some(best) = self.trials.iter().min_by(|a, b| a.ratio.value.total_cmp(&b.ratio.value)) {
-            paragraphs.push(format!("The place where one comes out best: {}.", told(best)));
+            paragraphs.push(format!(
+                "The place where one comes out best: {}, the rival that is best on average. The rival that is least told \
+                 from it is {}: the swarm move is nearer to the truth in {} of {} runs.",
+                told(best),
+                COMPETITORS[best.doubt].name,
+                best.nearer.0,
+                best.nearer.1,
+            ));
         }
         let points = won.into_iter().map(told).collect();
         let title = "Where swarm moves pay".to_owned();
