@@ -63,13 +63,15 @@ pub fn follow(
     mut see: impl FnMut(&Moment) -> bool,
 ) -> Result<Followed> {
     let no_frame = || Error::Input { input: "video".to_owned(), problem: "it has no frame".to_owned() };
-    let first = frames.next().ok_or_else(no_frame)?.frame?;
+    let shot = frames.next().ok_or_else(no_frame)?;
+    let first = shot.frame?;
     let bounds = place(first.size());
     let mut tracker = kind.start(&first, bounds, stream)?;
     let mut estimate = Estimate { bounds, covariance: [[0.0; 2]; 2], score: 1.0, p_lost: 0.0 };
     let mut followed = Followed { estimates: vec![estimate], ..Followed::default() };
     let mut spent = Duration::ZERO;
-    let moment = Moment { index: 0, frame: Some(&first), estimate: &estimate, tracker: tracker.as_ref() };
+    let moment =
+        Moment { index: shot.index, frame: Some(&first), estimate: &estimate, tracker: tracker.as_ref() };
     followed.stopped = !see(&moment);
     drop(first);
     while !followed.stopped {

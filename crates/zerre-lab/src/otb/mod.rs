@@ -2,6 +2,7 @@
 //! an [`Experiment`] whose cells are single runs.
 
 mod follow;
+mod page;
 mod protocol;
 mod report;
 mod score;
@@ -10,9 +11,10 @@ mod summary;
 mod tests;
 
 pub use follow::{Followed, Moment, follow, luck};
+pub use page::{Watched, page, scores};
 pub use protocol::{Protocol, STARTS, Shift, Start};
 pub use score::{Doubts, LOST_FRAMES, OFF_OBJECT, PRECISION_AT, Scores};
-pub use summary::{Line, Row};
+pub use summary::{Line, Row, lines};
 
 use crate::study::experiment::{Experiment, Finished};
 use serde::{Deserialize, Serialize};
