@@ -6,6 +6,7 @@ use serde::Serialize;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::str::FromStr;
+use zerre_vision::Rect;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -124,6 +125,10 @@ pub enum Command {
     Reproduce(Reproduce),
     /// Compare filters over a grid of worlds and settings
     Study(Study),
+    /// Follow one object in an image folder, a video, a camera or a stream
+    Video(Video),
+    /// Score trackers on annotated sequences
+    Otb(Otb),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {
@@ -264,6 +269,7 @@ Examples:
   zerre reproduce bayes-family --table ungm         one world
   zerre reproduce extended-target --runs 200        narrower intervals
   zerre reproduce swarm --table variants            a table that is computed only on request
+  zerre reproduce video --data otb --quick          sequences of a folder (`otb` in it, if there is one)
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
 Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval,
@@ -279,16 +285,17 @@ pub struct Reproduce {
     /// Only these tables, and what they need [default: all but those on request]
     #[arg(long, value_name = "T", requires = "paper")]
     pub table: Vec<String>,
-    /// Runs of each cell [default: the paper's; 20 with --quick]
+    /// Runs of each cell [default: the paper's; 20 with --quick, video: 3]
     #[arg(long, value_name = "N", requires = "paper")]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
     /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's,
-    /// separated by commas; one for extended-target, none for swarm
+    /// separated by commas; one for extended-target, none for swarm and video
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,
-    /// Folder of recordings, for tables that need them (extended-target: recorded) [default: $ZERRE_DATA]
+    /// Folder of recordings, for tables that need them (extended-target: recorded; video: annotated
+    /// sequences) [default: $ZERRE_DATA]
     #[arg(long, value_name = "DIR", requires = "paper")]
     pub data: Option<PathBuf>,
     /// Every scenario, noise and method, but the smallest and the main number of particles only, and fewer runs
@@ -319,6 +326,101 @@ pub struct Study {
     #[arg(long, value_name = "N")]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
+}
+
+const VIDEO: &str = "\
+Examples:
+  zerre video clip.mp4 --box 120,80,40,60                 x, y, width, height in pixels of the first frame
+  zerre video frames/ --box 120,80,40,60 --overlay seen.gif
+  zerre video otb/Girl                                    an annotated sequence brings its box and its truth
+  zerre video clip.mp4 --truth boxes.txt --overlay seen.mp4
+  zerre video /dev/video0 --box 200,120,80,80             a camera, until Ctrl-C
+  zerre video rtsp://host/stream --box 200,120,80,80
+  zerre catalog trackers
+
+x goes to the right, y downwards, 0,0 is the upper left corner. Folders hold JPEG or PNG pictures with numbers in their
+names; everything else is read by the program ffmpeg, if it is installed.
+Outputs in --out: boxes.csv (frame,x,y,w,h,p_lost,var_x,var_y; frames from 0, var_x and var_y of the centre),
+report.html with film.png, run.json. p_lost is the probability that the box is not on the object.";
+
+/// Follow one object in an image folder, a video, a camera or a stream
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = VIDEO)]
+pub struct Video {
+    /// Folder of pictures, annotated sequence, video file, camera or address of a stream
+    pub input: String,
+    /// Where the object is in the first frame, px [default: the first box of the truth]
+    #[arg(long = "box", value_name = "x,y,w,h", allow_hyphen_values = true, value_parser = bounds)]
+    pub bounds: Option<Rect>,
+    /// Tracker, a name of `zerre catalog trackers` [default: the first of them]
+    #[arg(long, value_name = "NAME")]
+    pub tracker: Option<String>,
+    /// Where the object is: a box a line, from the first frame on
+    #[arg(long, value_name = "F")]
+    pub truth: Option<PathBuf>,
+    /// Film of truth, box and particles; MP4 needs the program ffmpeg
+    #[arg(long, value_name = "F.mp4|F.gif")]
+    pub overlay: Option<PathBuf>,
+    /// End with exit code 3 when the object is lost in the last frame
+    #[arg(long)]
+    pub strict: bool,
+}
+
+fn bounds(text: &str) -> Result<Rect, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, width, height]) => Ok(Rect { x, y, width, height }),
+        _ => Err("four numbers are needed, as 120,80,40,60: x, y, width and height in pixels".to_owned()),
+    }
+}
+
+const OTB: &str = "\
+Examples:
+  zerre otb otb/Girl otb/Deer
+  zerre otb otb/                                          every sequence in the folder
+  zerre otb otb/Girl --tracker still --repeat 5           five seeds, with intervals
+  zerre otb otb/Girl --protocol temporal --protocol spatial
+  zerre otb otb/ --results results/CSRT --results results/KCF
+  zerre otb otb/ --threads 1                              frame rates of an undisturbed processor
+
+A sequence is a folder of pictures (in img/, in color/ or beside the annotation) with groundtruth_rect.txt (OTB: boxes
+from pixel 1) or groundtruth.txt (VOT, GOT-10k: boxes or polygons from pixel 0).
+Results of another tracker: a folder with its name that holds SEQUENCE.txt or SEQUENCE.csv for each sequence, one box a
+line, counted as in the annotation; or such a file where there is one sequence.
+Outputs in --out: scores.csv (a row per repetition), summary.csv (means with 95 % intervals), boxes-TRACKER-SEQUENCE.csv
+of the first repetition, report.html with success and precision plots, run.json, progress.json for --resume.";
+
+/// Score trackers on annotated sequences
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = OTB)]
+pub struct Otb {
+    /// Annotated sequences, or folders of them
+    #[arg(required = true, value_name = "SEQUENCE_DIR")]
+    pub sequences: Vec<PathBuf>,
+    /// Tracker, a name of `zerre catalog trackers`; may be given more than once [default: the first of them]
+    #[arg(long, value_name = "NAME")]
+    pub tracker: Vec<String>,
+    /// Runs with other random numbers
+    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
+    pub repeat: NonZeroU32,
+    /// Where runs begin; may be given more than once [default: one-pass]
+    #[arg(long, value_name = "NAME")]
+    pub protocol: Vec<Protocol>,
+    /// Boxes of another tracker, to score beside; may be given more than once
+    #[arg(long, value_name = "DIR/NAME")]
+    pub results: Vec<PathBuf>,
+}
+
+/// Protocols of `zerre otb`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Protocol {
+    /// From the first annotated frame to the end.
+    OnePass,
+    /// From 20 frames of each sequence to the end.
+    Temporal,
+    /// From the first annotated frame with 12 wrong boxes.
+    Spatial,
 }
 
 const BENCH: &str = "\
@@ -381,6 +483,9 @@ mod tests {
             "bench W1 deadline --quick",
             "catalog filters --json --quiet",
             "study f.toml --runs 5 --resume",
+            "video f.mp4 --box 1,2,3.5,4 --tracker still --truth t --overlay o.gif --strict",
+            "video f --box -3,2,8,8",
+            "otb a b --tracker still --tracker still --repeat 3 --results r/A --results r/B --protocol temporal",
             "schema scenario",
             "init --log debug",
         ] {
@@ -397,6 +502,12 @@ mod tests {
             "reproduce multiple-model --runs 0",
             "study",
             "study f --runs 0",
+            "video",
+            "video f --box 1,2,3",
+            "video f --box 1,2,3,x",
+            "otb",
+            "otb a --repeat 0",
+            "otb a --protocol all",
         ] {
             let words = std::iter::once("zerre").chain(line.split(' '));
             assert!(Args::try_parse_from(words).is_err(), "{line}");

@@ -8,6 +8,7 @@ use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::scenario::{Named, SCENARIOS};
 use zerre_lab::study::contender::{CONTENDERS, ContenderInfo};
 use zerre_lab::study::world::{WORLDS, WorldInfo};
+use zerre_vision::tracker::{Kind as Tracker, TRACKERS};
 
 /// One thing that can be named on the command line or in a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -61,6 +62,7 @@ pub fn all() -> Vec<Entry> {
     let world = |w: &WorldInfo| Entry { kind: "worlds", name: w.name, about: w.about, source: w.source };
     let contender =
         |c: &ContenderInfo| Entry { kind: "contenders", name: c.name, about: c.about, source: c.source };
+    let tracker = |t: &Tracker| Entry { kind: "trackers", name: t.name, about: t.about, source: t.source };
     let format = |&(_, name, about): &(Format, _, _)| Entry { kind: "formats", name, about, source: "" };
     let column = |c: &Column| Entry { kind: "columns", name: c.name, about: c.about, source: "" };
     of_library
@@ -69,6 +71,7 @@ pub fn all() -> Vec<Entry> {
         .chain(PAPERS.iter().map(paper))
         .chain(WORLDS.iter().map(world))
         .chain(CONTENDERS.iter().map(contender))
+        .chain(TRACKERS.iter().map(tracker))
         .chain(Format::ALL.iter().map(format))
         .chain(COLUMNS.iter().map(column))
         .collect()

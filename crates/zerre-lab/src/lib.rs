@@ -10,6 +10,7 @@ mod distribution;
 pub mod error;
 pub mod metric;
 mod number;
+pub mod otb;
 pub mod paper;
 pub mod report;
 pub mod scenario;

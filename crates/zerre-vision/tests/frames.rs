@@ -326,3 +326,11 @@ fn sequences_of_the_benchmark_are_read() {
         }
     }
 }
+
+#[test]
+fn a_frame_is_read_back_as_it_was_written() {
+    let at = empty("png").join("a.png");
+    let frame = Frame::from_fn(5, 3, |x, y| [x as u8, y as u8, 200]);
+    fs::write(&at, folder::png(&frame).unwrap()).unwrap();
+    assert_eq!(folder::frame(&at).unwrap(), frame);
+}

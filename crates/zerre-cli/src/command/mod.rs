@@ -5,11 +5,13 @@ mod catalog;
 mod compare;
 mod experiment;
 mod init;
+mod otb;
 mod reproduce;
 mod schema;
 mod simulate;
 mod study;
 mod track;
+mod video;
 
 use crate::Exit;
 use crate::args::{Args, Command, Global, Simd};
@@ -21,7 +23,9 @@ use crate::diagnostic::{Diagnostic, suggest};
 /// # Errors
 /// What went wrong, with the exit code in it.
 pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
-    if args.global.resume && !matches!(args.command, Command::Reproduce(_) | Command::Study(_)) {
+    if args.global.resume
+        && !matches!(args.command, Command::Reproduce(_) | Command::Study(_) | Command::Otb(_))
+    {
         return Err(Diagnostic::usage("nothing here resumes: this command starts anew each time")
             .help("leave --resume out"));
     }
@@ -34,6 +38,8 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Compare(of) => compare::run(of, &args.global, console),
         Command::Reproduce(of) => reproduce::run(of, &args.global, console),
         Command::Study(of) => study::run(of, &args.global, console),
+        Command::Video(of) => video::run(of, &args.global, console),
+        Command::Otb(of) => otb::run(of, &args.global, console),
         Command::Bench { workloads, quick } => bench::run(&args.global, workloads, *quick, console),
     }
 }
@@ -41,6 +47,21 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
 /// Refuses an argument that is none of `known`: wrong usage.
 fn unknown(what: &str, name: &str, known: &[&str]) -> Diagnostic {
     suggest(Diagnostic::usage(format!("there is no {what} `{name}`")), name, known)
+}
+
+/// The tracker of this name, or the default one.
+fn tracker(name: Option<&str>) -> Result<&'static zerre_vision::tracker::Kind, Diagnostic> {
+    use zerre_vision::tracker::{TRACKERS, find};
+    let Some(name) = name else { return Ok(&TRACKERS[0]) };
+    find(name)
+        .ok_or_else(|| unknown("tracker", name, &TRACKERS.iter().map(|kind| kind.name).collect::<Vec<_>>()))
+}
+
+/// Digests a file that was read.
+fn input(path: &std::path::Path) -> Result<crate::run::Input, Diagnostic> {
+    let unreadable = |error| Diagnostic::io("read", path, &error);
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    crate::run::Hashing::new(file).finish(&path.display().to_string()).map_err(unreadable)
 }
 
 /// More threads than this help nobody, and starting them may fail.

@@ -6,10 +6,8 @@ use crate::args::{Global, Study};
 use crate::config::{Problem, Source};
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
-use crate::run::{Destination, Hashing, Input};
+use crate::run::Destination;
 use serde_json::json;
-use std::fs::File;
-use std::path::Path;
 use zerre_io::{Values, write_results};
 use zerre_lab::scenario::Invalid;
 use zerre_lab::study::comparison::RESULTS;
@@ -36,7 +34,7 @@ pub(super) fn run(args: &Study, options: &Global, console: &Console) -> Result<E
         line: format!("{line} --seed {}", options.seed),
         config: json!({ "study": spec }),
         explanation: "what is absent is as `zerre catalog worlds` and `zerre catalog contenders` have it",
-        inputs: vec![input(path)?],
+        inputs: vec![super::input(path)?],
         destination: Destination::of(options, COMMAND, Some(path)).reading([path]),
         settings: None,
         document: [
@@ -50,13 +48,6 @@ pub(super) fn run(args: &Study, options: &Global, console: &Console) -> Result<E
         let Some(table) = finished.tables.iter().find(|table| table.name == RESULTS) else { return Ok(()) };
         folder.write(&format!("{RESULTS}.parquet"), |file| write_results(file, &columns(table)))
     })
-}
-
-/// The file as the record names it.
-fn input(path: &Path) -> Result<Input, Diagnostic> {
-    let unreadable = |error| Diagnostic::io("read", path, &error);
-    let file = File::open(path).map_err(unreadable)?;
-    Hashing::new(file).finish(&path.display().to_string()).map_err(unreadable)
 }
 
 /// A table in columns of one kind each: text where any entry is, else numbers where any is, else counts.

@@ -6,7 +6,8 @@ use super::letters::{BASE, CAPITAL, Stroke, written};
 use crate::error::{Error, Result};
 use gif::{DisposalMethod, Encoder, Repeat};
 use tiny_skia::{
-    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, StrokeDash, Transform,
+    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint,
+    StrokeDash, Transform,
 };
 
 /// Red, green, blue and opacity.
@@ -42,6 +43,40 @@ impl Frame {
         })?;
         pixels.fill(colour(ground));
         Ok(Frame(pixels))
+    }
+
+    /// A photograph, stretched to `size` pixels, across and down.
+    ///
+    /// # Errors
+    /// A size of zero.
+    pub fn photograph(picture: &zerre_vision::Frame, size: [u16; 2]) -> Result<Frame> {
+        let mut frame = Frame::new(size, [0, 0, 0, 255])?;
+        let side = |side: usize| u32::try_from(side).unwrap_or(0);
+        let Some(mut source) = Pixmap::new(side(picture.width()), side(picture.height())) else {
+            return Err(Error::OutOfRange {
+                what: "size of a photograph",
+                value: picture.width() as f64,
+                needs: "it must fit into memory",
+            });
+        };
+        for (pixel, [r, g, b]) in source.data_mut().chunks_exact_mut(4).zip(picture.pixels()) {
+            pixel.copy_from_slice(&[*r, *g, *b, 255]);
+        }
+        let [width, height] = size.map(f32::from);
+        let stretch = Transform::from_scale(width / source.width() as f32, height / source.height() as f32);
+        let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
+        frame.0.draw_pixmap(0, 0, source.as_ref(), &paint, stretch, None);
+        Ok(frame)
+    }
+
+    /// Pixels across and down.
+    pub fn size(&self) -> [usize; 2] {
+        [self.0.width() as usize, self.0.height() as usize]
+    }
+
+    /// Its pixels, row after row: red, green and blue.
+    pub fn rgb(&self) -> Vec<[u8; 3]> {
+        self.0.data().chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
     }
 
     /// Draws lines from point to point.
@@ -380,6 +415,21 @@ mod tests {
         // Two bits of each channel, which always fit, would err by 64 / sqrt(12) = 18.5.
         let rms = (squares.sum::<f64>() / (64.0 * 64.0 * 2.0)).sqrt();
         assert!(rms < 18.5, "{rms}");
+    }
+
+    /// A photograph keeps its pixels at its own size; twice as large, what is within a pixel keeps its colour.
+    #[test]
+    fn photographs_are_stretched() {
+        let picture =
+            zerre_vision::Frame::from_fn(4, 2, |x, y| [if x < 2 { 200 } else { 0 }, 100 * y as u8, 9]);
+        let same = Frame::photograph(&picture, [4, 2]).unwrap();
+        assert_eq!(same.rgb(), picture.pixels());
+        let large = Frame::photograph(&picture, [40, 20]).unwrap();
+        assert_eq!(
+            (large.size(), pixel(&large, 2, 2), pixel(&large, 37, 17)),
+            ([40, 20], [200, 0, 9], [0, 100, 9])
+        );
+        assert!(Frame::photograph(&picture, [0, 2]).is_err());
     }
 
     #[test]

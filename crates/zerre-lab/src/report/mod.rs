@@ -10,6 +10,7 @@ pub mod animation;
 mod chart;
 mod letters;
 mod outline;
+pub mod overlay;
 mod page;
 mod plan;
 pub mod study;

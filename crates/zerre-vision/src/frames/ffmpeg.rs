@@ -1,10 +1,9 @@
 //! Video files, cameras and streams, read by the program `ffmpeg` over a pipe.
 
 use crate::{Error, Frame, Image, Result};
-use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
@@ -24,9 +23,9 @@ pub struct Video {
     input: String,
     program: Child,
     pixels: BufReader<ChildStdout>,
-    said: Arc<Mutex<VecDeque<String>>>,
-    listener: Option<JoinHandle<()>>,
+    said: Listener,
     claimed: Option<usize>,
+    rate: Option<f64>,
     first: Option<Frame>,
     decoded: usize,
     ended: bool,
@@ -42,48 +41,38 @@ impl Video {
         let refuse = |problem: String| Error::Input { input: input.to_owned(), problem };
         let mut command = Command::new("ffmpeg");
         command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
-        let claimed = if input.contains("://") {
+        let (claimed, rate) = if input.contains("://") {
             if input.starts_with("rtsp") {
                 // Over datagrams lost packets would be smeared over the frames that follow.
                 command.args(["-rtsp_transport", "tcp"]);
             }
             command.args(["-i", input]);
-            None
+            (None, None)
         } else if is_camera(Path::new(input)) {
             command.args(["-f", "v4l2", "-i", input]);
-            None
+            (None, None)
         } else {
             // Without the word before it, a name with a colon would be taken for a protocol.
             let file = format!("file:{input}");
             command.args(["-i", &file]);
-            frames_in(&file)
+            header(&file)
         };
         // Each frame as it is stored: none doubled, none dropped. Every picture comes with its own size before it.
         command.args(["-map", "0:v:0"]).args(passthrough()?);
         command.args(["-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "pipe:1"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut program = command.spawn().map_err(|error| absent(input, &error))?;
-        let (Some(stdout), Some(stderr)) = (program.stdout.take(), program.stderr.take()) else {
+        let said = Listener::new(program.stderr.take());
+        let Some(stdout) = program.stdout.take() else {
             return Err(refuse("ffmpeg cannot be listened to".to_owned()));
         };
-        let said = Arc::new(Mutex::new(VecDeque::new()));
-        let notes = Arc::clone(&said);
-        let listener = std::thread::spawn(move || {
-            for line in BufReader::new(stderr).lines().map_while(|line| line.ok()) {
-                let Ok(mut notes) = notes.lock() else { return };
-                // The first words name the cause; later ones are its consequences.
-                if notes.len() < KEPT_LINES && !notes.contains(&line) {
-                    notes.push_back(line);
-                }
-            }
-        });
         let mut video = Video {
             input: input.to_owned(),
             program,
             pixels: BufReader::with_capacity(1 << 16, stdout),
             said,
-            listener: Some(listener),
             claimed,
+            rate,
             first: None,
             decoded: 0,
             ended: false,
@@ -103,6 +92,11 @@ impl Video {
     /// Number of frames that the file's header claims.
     pub fn claimed(&self) -> Option<usize> {
         self.claimed
+    }
+
+    /// Frames per second by the file's header.
+    pub fn rate(&self) -> Option<f64> {
+        self.rate
     }
 
     /// After the last frame: what went wrong.
@@ -139,10 +133,7 @@ impl Video {
         self.ended = true;
         let _ = std::io::copy(&mut self.pixels, &mut std::io::sink());
         let status = self.program.wait();
-        if let Some(listener) = self.listener.take() {
-            let _ = listener.join();
-        }
-        let said = self.said.lock().map(|said| said.iter().cloned().collect::<Vec<_>>()).unwrap_or_default();
+        let said = self.said.finish();
         let mut parts = Vec::new();
         if let Some(claimed) = self.claimed.filter(|claimed| (1..*claimed).contains(&self.decoded)) {
             parts.push(format!(
@@ -175,6 +166,40 @@ impl Drop for Video {
     }
 }
 
+/// Keeps what a program complains of, so that its pipe is never full.
+#[derive(Debug)]
+pub(super) struct Listener {
+    said: Arc<Mutex<Vec<String>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Listener {
+    pub(super) fn new(pipe: Option<ChildStderr>) -> Listener {
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let notes = Arc::clone(&said);
+        let listen = |pipe| {
+            std::thread::spawn(move || {
+                for line in BufReader::new(pipe).lines().map_while(|line| line.ok()) {
+                    let Ok(mut notes) = notes.lock() else { return };
+                    // The first words name the cause; later ones are its consequences.
+                    if notes.len() < KEPT_LINES && !notes.contains(&line) {
+                        notes.push(line);
+                    }
+                }
+            })
+        };
+        Listener { said, thread: pipe.map(listen) }
+    }
+
+    /// What was said, once the program has ended.
+    pub(super) fn finish(&mut self) -> Vec<String> {
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        self.said.lock().map(|said| said.clone()).unwrap_or_default()
+    }
+}
+
 /// Whether `ffmpeg` can be run.
 ///
 /// # Errors
@@ -183,7 +208,7 @@ pub fn installed(input: &str) -> Result<()> {
     version().map(|_| ()).map_err(|error| absent(input, &error))
 }
 
-fn absent(input: &str, error: &std::io::Error) -> Error {
+pub(super) fn absent(input: &str, error: &std::io::Error) -> Error {
     let problem = if error.kind() == ErrorKind::NotFound {
         format!(
             "videos, cameras and streams need the program ffmpeg, which is not installed: {HOW_TO_INSTALL}"
@@ -217,8 +242,9 @@ fn is_camera(path: &Path) -> bool {
     path.to_string_lossy().starts_with("/dev/video")
 }
 
-/// Frames that the header of a file claims; nothing where it does not say or the program `ffprobe` is missing.
-fn frames_in(file: &str) -> Option<usize> {
+/// Number of frames and frames per second by the header of a file; nothing where it does not say or the program
+/// `ffprobe` is missing.
+fn header(file: &str) -> (Option<usize>, Option<f64>) {
     let mut command = Command::new("ffprobe");
     command.args([
         "-v",
@@ -226,12 +252,18 @@ fn frames_in(file: &str) -> Option<usize> {
         "-select_streams",
         "v:0",
         "-show_entries",
-        "stream=nb_frames",
-        "-of",
-        "csv=p=0",
+        "stream=nb_frames,avg_frame_rate",
     ]);
-    let output = command.arg(file).stdin(Stdio::null()).output().ok()?;
-    String::from_utf8_lossy(&output.stdout).trim().trim_end_matches(',').parse().ok()
+    let output = command.args(["-of", "default=nw=1", file]).stdin(Stdio::null()).output();
+    let Ok(output) = output else { return (None, None) };
+    let text = String::from_utf8_lossy(&output.stdout);
+    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+    let rate = value("avg_frame_rate").and_then(|rate| {
+        let (over, under) = rate.split_once('/')?;
+        let rate: f64 = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
+        (rate.is_finite() && rate > 0.0).then_some(rate)
+    });
+    (value("nb_frames").and_then(|count| count.parse().ok()), rate)
 }
 
 /// The next picture in the portable pixmap format; nothing at the end.

@@ -1,7 +1,8 @@
 //! Folders of pictures.
 
 use crate::{Error, Frame, Image, Result};
-use image::{DynamicImage, ImageReader};
+use image::codecs::png::PngEncoder;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
 use std::cmp::Ordering;
 use std::fs;
 use std::io::Cursor;
@@ -113,6 +114,20 @@ pub fn frame(path: &Path) -> Result<Frame> {
     let picture = decode(path)?.into_rgb8();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     Image::new(width, height, picture.into_raw().as_chunks::<3>().0.to_vec())
+}
+
+/// A frame as the bytes of a PNG file.
+///
+/// # Errors
+/// A picture that is too large for the format.
+pub fn png(frame: &Frame) -> Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    let (width, height) = (side(frame.width()), side(frame.height()));
+    PngEncoder::new(&mut bytes)
+        .write_image(frame.pixels().as_flattened(), width, height, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::Picture { path: PathBuf::from("PNG"), problem: error.to_string() })?;
+    Ok(bytes.into_inner())
 }
 
 /// A depth picture: one channel of 16 bits, in the unit of its camera (often millimetres; 0 is often "unknown").

@@ -1,5 +1,6 @@
 //! Where frames come from: folders of pictures, and everything that the program `ffmpeg` can read.
 
+pub mod encode;
 pub mod ffmpeg;
 pub mod folder;
 
@@ -61,6 +62,14 @@ impl Frames {
         match &self.source {
             Source::Pictures(pictures) => Some(pictures.places().len()),
             Source::Video(video) => video.claimed(),
+        }
+    }
+
+    /// Frames per second, where a video's header says it.
+    pub fn rate(&self) -> Option<f64> {
+        match &self.source {
+            Source::Pictures(_) => None,
+            Source::Video(video) => video.rate(),
         }
     }
 
