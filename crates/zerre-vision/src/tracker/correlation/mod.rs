@@ -31,10 +31,11 @@ use std::f64::consts::TAU;
 use surface::{Map, Responses, Wander};
 use visibility::Visibility;
 use zerre::Time;
-use zerre::belief::{Cloud, Gaussian};
-use zerre::filter::{Filter, ParticleFilter, Settings};
+use zerre::belief::{Cloud, Gaussian, MovedCloud};
+use zerre::filter::{Filter, ParticleFilter, Settings, Tempered};
 use zerre::kernels::Threads;
 use zerre::math::Real;
+use zerre::moves::Move;
 use zerre::rng::{Purpose, Stream};
 
 /// How small and how large the object may become, of what it was.
@@ -50,6 +51,8 @@ const HOPELESS: f64 = -4.0;
 const DOUBT: (f64, f64) = (-3.0, -1.0);
 /// Response of a filter to what it was trained with, at least: a picture of one colour has none.
 const LEAST_RESPONSE: f32 = 1e-6;
+/// Standard deviation of the first particles, in sizes of the object: the first box is as good as drawn by hand.
+const START_SD: f64 = 0.01;
 /// Most frames that the place of a lost object wanders more with each.
 const WIDENING: f64 = 20.0;
 
@@ -75,7 +78,7 @@ pub struct CorrelationTracker {
     sizes: ScaleFilter,
     visibility: Visibility,
     filter: Settings,
-    cloud: Cloud<2>,
+    belief: MovedCloud<2>,
     maps: Vec<Map>,
     signs: Signs,
     /// Frames since the first.
@@ -234,7 +237,9 @@ impl CorrelationTracker {
             colour_map: Vec::new(),
         };
         let filter = Settings { particles: settings.particles, threads, ..Settings::default() };
-        let cloud = cloud_about(bounds.centre(), 0.0, &filter, Time::ZERO, stream)?;
+        let sd = START_SD * bounds.area().sqrt();
+        let rules = rules(bounds.centre(), sd, Responses { sharpness: 0.0 }, &filter)?;
+        let belief = rules.start(Time::ZERO, stream)?;
         let mut tracker = CorrelationTracker {
             stream,
             frame: frame.size(),
@@ -245,7 +250,7 @@ impl CorrelationTracker {
             sizes: ScaleFilter::new(bounds.width, bounds.height, settings.scale_rate),
             visibility: Visibility::default(),
             filter,
-            cloud,
+            belief,
             maps: Vec::new(),
             signs: Signs::default(),
             steps: 0,
@@ -304,6 +309,10 @@ impl CorrelationTracker {
         [x.clamp(0.0, self.frame.0 as f64), y.clamp(0.0, self.frame.1 as f64)]
     }
 
+    fn cloud(&self) -> &Cloud<2> {
+        self.belief.cloud()
+    }
+
     /// Places besides the last one where a lost object may show: of a particle, and of a raster over the frame.
     fn elsewhere(&self) -> Vec<[f64; 2]> {
         let spacing = 0.5 * self.settings.padding * self.size();
@@ -313,8 +322,8 @@ impl CorrelationTracker {
         (0..self.settings.searches as u64)
             .map(|k| {
                 if k % 2 == 0 {
-                    let i = (draws.uniform() * self.cloud.len() as f64) as usize;
-                    return self.on_frame(self.cloud.particle(i.min(self.cloud.len() - 1)));
+                    let i = (draws.uniform() * self.cloud().len() as f64) as usize;
+                    return self.on_frame(self.cloud().particle(i.min(self.cloud().len() - 1)));
                 }
                 let cell = (self.unseen * (self.settings.searches as u64 / 2) + k / 2) % (columns * rows);
                 [
@@ -326,12 +335,17 @@ impl CorrelationTracker {
     }
 }
 
-/// Equally weighted particles about a place.
-fn cloud_about(centre: [f64; 2], sd: f64, settings: &Settings, at: Time, stream: Stream) -> Result<Cloud<2>> {
+/// The rules of a step: particles about `centre` with a standard deviation of `sd` pixels to begin with, which wander by
+/// as much. Responses are peaked, so they are taken in by degrees.
+fn rules(
+    centre: [f64; 2],
+    sd: f64,
+    sensor: Responses,
+    settings: &Settings,
+) -> Result<Tempered<2, 2, Wander, Responses>> {
     let prior = Gaussian::independent(centre, [sd; 2])?;
-    let rules =
-        ParticleFilter::new(prior, Wander { sd: 0.0 }, Responses { sharpness: 1.0 }, settings.clone())?;
-    Ok(rules.start(at, stream)?)
+    let plain = ParticleFilter::new(prior, Wander { sd }, sensor, settings.clone())?;
+    Ok(Tempered::new(plain, Move::RandomWalk { scale: None }, 1)?)
 }
 
 impl Tracker for CorrelationTracker {
@@ -358,16 +372,15 @@ impl Tracker for CorrelationTracker {
         let p_lost = self.visibility.update(&signs);
         let lost = self.visibility.is_lost();
         let widening = (self.unseen as f64).min(WIDENING);
-        let motion = Wander { sd: self.settings.motion_sd * self.size() * (1.0 + widening).sqrt() };
+        let sd = self.settings.motion_sd * self.size() * (1.0 + widening).sqrt();
         let sensor = Responses { sharpness: if lost { 0.0 } else { self.settings.sharpness } };
+        let rules = rules(found, sd, sensor, &self.filter)?;
         if was_lost && !lost {
             // It shows again, and the cloud need not have a particle there.
-            self.cloud =
-                cloud_about(found, motion.sd, &self.filter, self.cloud.time(), self.stream.fork(self.steps))?;
+            let before = self.cloud().time();
+            self.belief = rules.start(before, self.stream.fork(self.steps))?;
         }
-        let prior = Gaussian::independent(self.centre, [0.0; 2])?;
-        let rules = ParticleFilter::new(prior, motion, sensor, self.filter.clone())?;
-        rules.step(&mut self.cloud, now, Some(&self.maps))?;
+        rules.step(&mut self.belief, now, Some(&self.maps))?;
         self.signs = signs;
         self.unseen = if lost { self.unseen + 1 } else { 0 };
         if !lost || signs.evidence() > HOPELESS {
@@ -381,7 +394,7 @@ impl Tracker for CorrelationTracker {
         if share > 0.0 {
             self.learn(frame, share);
         }
-        let mut covariance = self.cloud.covariance().0;
+        let mut covariance = self.cloud().covariance().0;
         let spread = (self.settings.box_sd * self.size()).square();
         for k in 0..2 {
             covariance[k][k] += spread;
@@ -393,10 +406,8 @@ impl Tracker for CorrelationTracker {
         if self.steps == 0 {
             return Vec::new();
         }
-        let centres = self.cloud.column(0).iter().zip(self.cloud.column(1));
-        centres
-            .zip(self.cloud.weights())
-            .map(|((x, y), weight)| Particle { centre: [*x, *y], weight })
-            .collect()
+        let cloud = self.cloud();
+        let centres = cloud.column(0).iter().zip(cloud.column(1));
+        centres.zip(cloud.weights()).map(|((x, y), weight)| Particle { centre: [*x, *y], weight }).collect()
     }
 }

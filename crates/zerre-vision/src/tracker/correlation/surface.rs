@@ -32,7 +32,8 @@ impl Map {
         f64::from(self.values[inside(y) * self.side + inside(x)])
     }
 
-    /// The response at a place in the frame, between cells by a plane in each direction; `None` outside the window.
+    /// The response at a place in the frame, between cells by parabolas through three in each direction, as the peak is
+    /// found; `None` outside the window.
     pub fn response(&self, [x, y]: [f64; 2]) -> Option<f64> {
         let per_cell = self.window.width / self.side as f64;
         let half = (self.side / 2) as f64;
@@ -42,12 +43,17 @@ impl Map {
         if !(0.0..=last).contains(&u) || !(0.0..=last).contains(&v) {
             return None;
         }
-        let (i, j) = (u.floor(), v.floor());
-        let (fu, fv) = (u - i, v - j);
+        let (i, j) = (u.round(), v.round());
+        let (du, dv) = (u - i, v - j);
         let (i, j) = (i as isize, j as isize);
-        let top = (1.0 - fu) * self.at(i, j) + fu * self.at(i + 1, j);
-        let bottom = (1.0 - fu) * self.at(i, j + 1) + fu * self.at(i + 1, j + 1);
-        Some((1.0 - fv) * top + fv * bottom)
+        let weights = |d: f64| [0.5 * d * (d - 1.0), 1.0 - d * d, 0.5 * d * (d + 1.0)];
+        let (across, down) = (weights(du), weights(dv));
+        let mut sum = 0.0;
+        for (dy, weight) in (-1..=1).zip(down) {
+            let row = (-1..=1).zip(across).map(|(dx, w)| w * self.at(i + dx, j + dy)).sum::<f64>();
+            sum += weight * row;
+        }
+        Some(sum)
     }
 
     /// The highest response and its place, by a parabola through the neighbours of its cell.
@@ -163,12 +169,15 @@ mod tests {
         assert!(value > 0.9);
     }
 
+    /// A parabola in both directions is met to the rounding of its values, which are single.
     #[test]
-    fn responses_are_those_of_cells_and_planes_between() {
+    fn responses_are_those_of_parabolas_through_the_cells() {
         let map = map();
-        let at = |x: usize, y: usize| f64::from(map.values[y * 8 + x]);
-        assert!((map.response([140.0, 90.0]).unwrap() - at(4, 4)).abs() < 1e-9);
-        assert!((map.response([145.0, 90.0]).unwrap() - 0.5 * (at(4, 4) + at(5, 4))).abs() < 1e-9);
+        for (x, y) in [(140.0, 90.0), (143.0, 90.0), (151.0, 77.5)] {
+            let (u, v) = ((x - 145.0) / 10.0, (y - 82.5) / 10.0);
+            let expected = 1.0 - 0.1 * (u * u + v * v);
+            assert!((map.response([x, y]).unwrap() - expected).abs() < 1e-5, "{x} {y}");
+        }
         assert_eq!(map.response([99.0, 90.0]), None);
     }
 
