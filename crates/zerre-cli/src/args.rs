@@ -213,10 +213,15 @@ Examples:
   zerre simulate radar-cv --seed 7 --out made
   zerre simulate two-crossing --runs 100
   zerre init scenario > mine.toml && zerre simulate mine.toml
+  zerre simulate clip-hidden --out clip && zerre otb clip
 
 Outputs in --out: measurements.csv, truth.csv, run.json, and track.toml, which tells `zerre track` where the
 sensors stand and how well they measure. With --runs above 1 the tables are measurements-0001.csv,
-truth-0001.csv and so on; the first run is that of --runs 1.";
+truth-0001.csv and so on; the first run is that of --runs 1.
+
+The scenarios `clip-...` are pictures, for `zerre video` and `zerre otb`: 200 frames 0001.png, 0002.png, ... of
+320 x 240 pixels, and groundtruth.txt with a box x,y,width,height per frame, NaN where less than half of the object can
+be seen. Another --seed draws another object on another way.";
 
 /// Make measurements and truth of a scenario
 #[derive(Clone, Debug, clap::Args)]

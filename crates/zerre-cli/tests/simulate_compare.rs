@@ -274,3 +274,21 @@ fn measurements_of_a_scenario_score_as_its_noise_says() {
     assert!((rmse / 50.0_f64.sqrt() - 1.0).abs() < 5.0 * 0.034, "{rmse}");
     assert_eq!(said["instants"]["unmatched"], 0);
 }
+
+/// The object is hidden for 60 of 200 frames: another tracker than the one that stays still says so.
+#[test]
+fn a_drawn_clip_is_a_sequence_that_trackers_are_scored_on() {
+    let here = folder("clip");
+    let drawn = json(&here, "simulate clip-hidden --seed 305 --out clip");
+    assert_eq!((&drawn["frames"], &drawn["seen"]), (&200.into(), &140.into()));
+    let boxes = fs::read_to_string(here.join("clip/groundtruth.txt")).unwrap();
+    assert_eq!(boxes.lines().filter(|line| line.starts_with("NaN")).count(), 60);
+    let scored = json(&here, "otb clip --tracker zerre --tracker still --out scores");
+    let auc = |tracker: &str| {
+        let rows = scored["rows"].as_array().unwrap();
+        rows.iter().find(|row| row["tracker"] == tracker).unwrap()["success_auc"].as_f64().unwrap()
+    };
+    assert!(auc("zerre") > 0.7 && auc("still") < 0.5, "{} {}", auc("zerre"), auc("still"));
+    let twice = zerre(&here, "simulate clip-hidden --runs 2");
+    assert!(!twice.status.success() && text(&twice.stderr).contains("--seed"));
+}

@@ -29,6 +29,42 @@ pub enum Trouble {
     Hidden(usize),
 }
 
+/// A kind of clip that can be chosen by its name.
+#[derive(Clone, Copy, Debug)]
+pub struct Named {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub about: &'static str,
+    /// What makes it hard.
+    pub trouble: Trouble,
+}
+
+/// All of them.
+pub const CLIPS: &[Named] = &[
+    Named {
+        name: "clip-smooth",
+        about: "pictures: an object moves smoothly over textured ground",
+        trouble: Trouble::Nothing,
+    },
+    Named { name: "clip-light", about: "pictures: the light goes and comes back", trouble: Trouble::Light },
+    Named { name: "clip-bar", about: "pictures: an object passes behind a bar", trouble: Trouble::Bar },
+    Named { name: "clip-growth", about: "pictures: an object grows and shrinks", trouble: Trouble::Growth },
+    Named { name: "clip-haste", about: "pictures: an object moves in leaps", trouble: Trouble::Haste },
+    Named { name: "clip-clutter", about: "pictures: objects that look alike", trouble: Trouble::Clutter },
+    Named {
+        name: "clip-change",
+        about: "pictures: an object turns and becomes another",
+        trouble: Trouble::Change,
+    },
+    Named { name: "clip-blur", about: "pictures: some frames are blurred", trouble: Trouble::Blur },
+    Named {
+        name: "clip-hidden",
+        about: "pictures: an object is covered for 60 frames",
+        trouble: Trouble::Hidden(60),
+    },
+];
+
 /// A clip.
 #[derive(Clone, Debug)]
 pub struct Clip {
@@ -313,6 +349,14 @@ mod tests {
         assert!((0..200).all(|k| (0.0..=1.0).contains(&clip.truth(k).visible)));
         let bar = Clip::new(Trouble::Bar, 200, 1);
         assert_eq!(bar.truth(100).visible, 0.0);
+    }
+
+    #[test]
+    fn names_stand_once() {
+        for named in CLIPS {
+            assert_eq!(CLIPS.iter().filter(|other| other.name == named.name).count(), 1);
+            assert_eq!(CLIPS.iter().filter(|other| other.trouble == named.trouble).count(), 1);
+        }
     }
 
     #[test]

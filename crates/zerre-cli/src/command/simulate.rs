@@ -12,10 +12,15 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 use zerre_lab::scenario::{self, Invalid, Measured, Measures, Run, SCENARIOS, Scenario, Target, TruePoint};
+use zerre_vision::clip::{CLIPS, Clip, Named};
+use zerre_vision::frames::folder::png;
 
 const COMMAND: &str = "simulate";
 
 pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    if let Some(clip) = CLIPS.iter().find(|clip| clip.name == args.scenario) {
+        return draw_clip(clip, args, options, console);
+    }
     let since = Instant::now();
     let scenario = find(&args.scenario)?;
     let runs = args.runs.get();
@@ -73,6 +78,59 @@ pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Resul
     Ok(if made < runs { Exit::CouldNot } else { Exit::Done })
 }
 
+/// Frames of a drawn clip.
+const CLIP_FRAMES: usize = 200;
+/// Share of the object that must be seen for its box to be told.
+const SEEN: f64 = 0.5;
+
+/// Pictures of an object that moves, and where it is in them.
+fn draw_clip(kind: &Named, args: &Simulate, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let since = Instant::now();
+    if args.runs.get() > 1 {
+        return Err(Diagnostic::usage("a clip is drawn once: its pictures are a folder's".to_owned())
+            .help("give each one its own --seed and --out"));
+    }
+    let config = json!({ "scenario": kind.name, "frames": CLIP_FRAMES, "runs": 1 });
+    if options.explain {
+        console.info(&pretty(&config)?);
+    }
+    listen()?;
+    let mut folder = Folder::open(&Destination::of(options, COMMAND, Some(Path::new(kind.name))), COMMAND)?;
+    let mut record = Record::new(COMMAND, options.seed, config);
+    let mut progress = Progress::new(console, "frames", Some(CLIP_FRAMES as u64));
+    let clip = Clip::new(kind.trouble, CLIP_FRAMES, options.seed);
+    let (mut made, mut seen, mut truth) = (0, 0, String::new());
+    while made < CLIP_FRAMES && !interrupted() {
+        let picture = png(&clip.frame(made)).map_err(|error| Diagnostic::new(error.to_string()))?;
+        let at = clip.truth(made);
+        made += 1;
+        folder.write(&format!("{made:04}.png"), |file| file.write_all(&picture))?;
+        if at.visible >= SEEN {
+            seen += 1;
+            let _ = writeln!(truth, "{}", at.bounds);
+        } else {
+            truth.push_str("NaN,NaN,NaN,NaN\n");
+        }
+        progress.advance(1);
+    }
+    drop(progress);
+    folder.write("groundtruth.txt", |file| file.write_all(truth.as_bytes()))?;
+    if made < CLIP_FRAMES {
+        record.state = State::Interrupted;
+        console.warn(format_args!("stopped after {made} of {CLIP_FRAMES} frames; these are complete"));
+    }
+    record.seconds = since.elapsed().as_secs_f64();
+    let path = folder.finish(&record)?;
+    if console.json() {
+        console.document(&json!({
+            "scenario": kind.name, "state": record.state, "frames": made, "seen": seen,
+            "out": path.display().to_string(),
+        }))?;
+    }
+    console.info(format_args!("{made} frames, the object is seen in {seen}: {}", path.display()));
+    Ok(if made < CLIP_FRAMES { Exit::CouldNot } else { Exit::Done })
+}
+
 fn pretty(value: &serde_json::Value) -> Result<String, Diagnostic> {
     serde_json::to_string_pretty(value).map_err(|error| Diagnostic::new(error.to_string()))
 }
@@ -84,7 +142,8 @@ fn find(name: &str) -> Result<Scenario, Diagnostic> {
     }
     let path = Path::new(name);
     if path.extension().is_none() && path.components().count() == 1 && !path.is_file() {
-        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).collect();
+        let clips = CLIPS.iter().map(|clip| clip.name);
+        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).chain(clips).collect();
         let unknown = Diagnostic::usage(format!("there is no scenario `{name}`"));
         return Err(suggest(unknown, name, &known).help("`zerre init scenario` writes one to change"));
     }
