@@ -269,6 +269,7 @@ Examples:
   zerre reproduce bayes-family --table ungm         one world
   zerre reproduce extended-target --runs 200        narrower intervals
   zerre reproduce swarm --table variants            a table that is computed only on request
+  zerre reproduce video --data otb --quick          sequences of a folder (`otb` in it, if there is one)
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
 Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval,
@@ -284,16 +285,17 @@ pub struct Reproduce {
     /// Only these tables, and what they need [default: all but those on request]
     #[arg(long, value_name = "T", requires = "paper")]
     pub table: Vec<String>,
-    /// Runs of each cell [default: the paper's; 20 with --quick]
+    /// Runs of each cell [default: the paper's; 20 with --quick, video: 3]
     #[arg(long, value_name = "N", requires = "paper")]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub runs: Option<NonZeroU32>,
     /// Numbers of particles (bayes-family: of likelihood evaluations a step) instead of the paper's,
-    /// separated by commas; one for extended-target, none for swarm
+    /// separated by commas; one for extended-target, none for swarm and video
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,
-    /// Folder of recordings, for tables that need them (extended-target: recorded) [default: $ZERRE_DATA]
+    /// Folder of recordings, for tables that need them (extended-target: recorded; video: annotated
+    /// sequences) [default: $ZERRE_DATA]
     #[arg(long, value_name = "DIR", requires = "paper")]
     pub data: Option<PathBuf>,
     /// Every scenario, noise and method, but the smallest and the main number of particles only, and fewer runs

@@ -22,8 +22,10 @@ use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
 use zerre_lab::paper::swarm::dimensions::Dimensions;
 use zerre_lab::paper::swarm::{self, SwarmFilters};
+use zerre_lab::paper::video::{self, VideoTrackers};
 use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::study::experiment::{Experiment, SettingsFile};
+use zerre_vision::sequence::Sequence;
 
 const COMMAND: &str = "reproduce";
 
@@ -39,6 +41,8 @@ pub(super) fn run(args: &Reproduce, options: &Global, console: &Console) -> Resu
         extended_target(args, options, console)
     } else if name == swarm::PAPER.name {
         swarm(args, options, console)
+    } else if name == video::PAPER.name {
+        video(args, options, console)
     } else {
         multiple_model(args, options, console)
     }
@@ -233,6 +237,45 @@ fn swarm(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, 
     let what = (request.runs, config);
     let experiment = SwarmFilters::new(request, options.seed);
     reproduce(paper, &experiment, swarm::SETTINGS, what, (args, options), console)
+}
+
+fn video(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let paper = &video::PAPER;
+    if !args.particles.is_empty() {
+        let what = format!("the trackers of {} have the particles that they have", paper.name);
+        return Err(Diagnostic::usage(what).help("leave --particles out"));
+    }
+    let mut request = video::Request::new(args.quick);
+    if !args.table.is_empty() {
+        let known = |name: &String| {
+            let table = paper.tables.iter().find(|table| **table == name.as_str());
+            table.copied().ok_or_else(|| unknown("table", name, paper.tables))
+        };
+        request.tables = args.table.iter().map(known).collect::<Result<_, _>>()?;
+    }
+    if let Some(runs) = args.runs {
+        request.runs = runs.get() as usize;
+    }
+    let (runs, tables) = (request.runs, request.tables.clone());
+    let sequences = sequences(args.data.as_deref())?;
+    let experiment = VideoTrackers::new(request, sequences, options.seed)
+        .map_err(|error| Diagnostic::new(error.to_string()))?;
+    let config = json!({ "tables": tables, "sequences": experiment.sequences() });
+    reproduce(paper, &experiment, video::SETTINGS, (runs, config), (args, options), console)
+}
+
+/// Annotated sequences in the folder that is named, or in `otb` within it or within that of the environment.
+fn sequences(folder: Option<&Path>) -> Result<Vec<Sequence>, Diagnostic> {
+    let from_environment = std::env::var_os("ZERRE_DATA").map(PathBuf::from);
+    let Some(mut folder) = folder.map(Path::to_owned).or(from_environment) else { return Ok(Vec::new()) };
+    if folder.join("otb").is_dir() {
+        folder = folder.join("otb");
+    }
+    let entries = std::fs::read_dir(&folder).map_err(|error| Diagnostic::io("read", &folder, &error))?;
+    let mut found: Vec<PathBuf> = entries.filter_map(|entry| entry.ok()).map(|entry| entry.path()).collect();
+    found.retain(|path| Sequence::is_in(path));
+    let open = |path: &PathBuf| Sequence::open(path).map_err(|error| Diagnostic::new(error.to_string()));
+    Ok(found.iter().map(open).collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 fn unreadable(error: zerre_io::Error) -> Diagnostic {

@@ -4,6 +4,7 @@ pub mod bayes_family;
 pub mod extended_target;
 pub mod multiple_model;
 pub mod swarm;
+pub mod video;
 
 /// One paper, as lists show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,7 +23,7 @@ pub struct Paper {
 
 /// The papers whose experiments are here.
 pub const PAPERS: &[Paper] =
-    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER];
+    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER, video::PAPER];
 
 /// With a capital letter.
 fn sentence(text: &str) -> String {

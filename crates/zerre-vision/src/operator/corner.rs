@@ -29,29 +29,52 @@ impl Default for Corners {
 fn least_eigenvalues(image: &Image<u8>, radius: usize, area: [usize; 4]) -> Image<f64> {
     let [x, y, width, height] = area;
     let (columns, rows) = image.size();
-    let level = |x: usize, y: usize, dx: isize, dy: isize| {
-        let (x, y) = (reflect(x as isize + dx, columns), reflect(y as isize + dy, rows));
-        i64::from(image.row(y)[x])
+    let mirrored = |first: usize, count: usize, all: usize| -> Vec<[usize; 3]> {
+        let about = |i: usize| {
+            let i = reflect((first + i) as isize - radius as isize, all) as isize;
+            [i - 1, i, i + 1].map(|i| reflect(i, all))
+        };
+        (0..count).map(about).collect()
     };
-    // Products of Sobel's derivatives; windows that reach over the border see those of the mirrored pixels.
-    let products = Image::from_fn(width + 2 * radius, height + 2 * radius, |i, j| {
-        let x = reflect((x + i) as isize - radius as isize, columns);
-        let y = reflect((y + j) as isize - radius as isize, rows);
-        let at = |dx, dy| level(x, y, dx, dy);
-        let across = at(1, -1) - at(-1, -1) + 2 * (at(1, 0) - at(-1, 0)) + at(1, 1) - at(-1, 1);
-        let down = at(-1, 1) - at(-1, -1) + 2 * (at(0, 1) - at(0, -1)) + at(1, 1) - at(1, -1);
-        [across * across, across * down, down * down]
-    });
+    // Windows that reach over the border see the mirrored pixels.
+    let (across, down) = (width + 2 * radius, height + 2 * radius);
+    let [columns, rows] = [mirrored(x, across, columns), mirrored(y, down, rows)];
     let side = 2 * radius + 1;
-    let add = |sum: [i64; 3], p: &[i64; 3]| [sum[0] + p[0], sum[1] + p[1], sum[2] + p[2]];
-    let along_rows = Image::from_fn(width, height + 2 * radius, |i, j| {
-        products.row(j)[i..i + side].iter().fold([0; 3], add)
-    });
-    Image::from_fn(width, height, |i, j| {
-        let [a, b, c] =
-            (j..j + side).fold([0; 3], |sum, j| add(sum, &along_rows.row(j)[i])).map(|v| v as f64);
-        (a + c) / 2.0 - ((a - c) * (a - c) / 4.0 + b * b).sqrt()
-    })
+    let mut products = Image::filled(across, down, [0_i32; 3]);
+    let mut sums = vec![[0_i64; 3]; across];
+    let mut result = Image::filled(width, height, 0.0);
+    for (j, rows) in rows.iter().enumerate() {
+        let [above, here, below] = rows.map(|y| image.row(y));
+        let row = products.row_mut(j).iter_mut().zip(&mut sums).zip(&columns);
+        for ((product, sum), &[left, middle, right]) in row {
+            let level = |row: &[u8], x: usize| i32::from(row[x]);
+            // Sobel's derivatives.
+            let across = level(above, right) - level(above, left)
+                + 2 * (level(here, right) - level(here, left))
+                + level(below, right)
+                - level(below, left);
+            let down = level(below, left) - level(above, left)
+                + 2 * (level(below, middle) - level(above, middle))
+                + level(below, right)
+                - level(above, right);
+            *product = [across * across, across * down, down * down];
+            (0..3).for_each(|k| sum[k] += i64::from(product[k]));
+        }
+        let Some(top) = (j + 1).checked_sub(side) else { continue };
+        let mut window = [0_i64; 3];
+        let add = |window: &mut [i64; 3], sum: &[i64; 3]| (0..3).for_each(|k| window[k] += sum[k]);
+        sums[..side - 1].iter().for_each(|sum| add(&mut window, sum));
+        for (i, value) in result.row_mut(top).iter_mut().enumerate() {
+            add(&mut window, &sums[i + side - 1]);
+            let [a, b, c] = window.map(|v| v as f64);
+            *value = (a + c) / 2.0 - ((a - c) * (a - c) / 4.0 + b * b).sqrt();
+            add(&mut window, &sums[i].map(|v| -v));
+        }
+        for (sum, product) in sums.iter_mut().zip(products.row(top)) {
+            (0..3).for_each(|k| sum[k] -= i64::from(product[k]));
+        }
+    }
+    result
 }
 
 /// Corners whose pixels' centres lie in a box, the best first, as OpenCV's `goodFeaturesToTrack`: pixels

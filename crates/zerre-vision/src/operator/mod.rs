@@ -26,13 +26,14 @@ pub use arithmetic::{absolute_difference, add, and, not, or, subtract, weighted_
 pub use color::{channel, grey, hsv, lab, merge};
 pub use components::{Component, Components, Neighbours, components};
 pub use corner::{Corners, corners};
-pub use equalize::{clahe, equalize};
+pub use equalize::{Clahe, clahe, equalize};
 pub use filter::{blur, blur_f32, gaussian_kernel};
 pub use flow::{Flow, LucasKanade, Pyramid};
 pub use histogram::{Histogram, bhattacharyya, bhattacharyya_distance};
 pub use hog::Hog;
 pub use integral::Integral;
 pub use morphology::{Element, area_open, clear_border, close, dilate, erode, fill_holes, open};
+pub(crate) use patch::extended;
 pub use patch::{Sample, crop, patch};
 pub use ssim::{Ssim, Windows};
 pub use threshold::{in_range, in_range_color, otsu, threshold};

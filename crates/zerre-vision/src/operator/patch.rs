@@ -40,8 +40,24 @@ impl<P: Sample, const N: usize> Sample for [P; N] {
 /// The pixels of columns `x` to `x + width - 1` and rows `y` to `y + height - 1`, at least one; beyond the
 /// border, the nearest ones.
 pub fn crop<P: Copy>(image: &Image<P>, x: isize, y: isize, width: usize, height: usize) -> Image<P> {
-    let beyond = |start: isize, i: usize| start.saturating_add_unsigned(i);
-    Image::from_fn(width, height, |i, j| image.at(beyond(x, i), beyond(y, j)))
+    let mut part = Image::filled(width, height, image.at(0, 0));
+    for j in 0..part.height() {
+        let row = y.saturating_add_unsigned(j).clamp(0, image.height() as isize - 1);
+        extended(image.row(row as usize), x, part.row_mut(j), |pixel| pixel);
+    }
+    part
+}
+
+/// Fills `to` with values of the pixels of `row` from number `at` on; beyond its ends with those of the nearest pixel.
+pub(crate) fn extended<P: Copy, Q: Copy>(row: &[P], at: isize, to: &mut [Q], value: impl Fn(P) -> Q) {
+    let (Some(&first), Some(&last)) = (row.first(), row.last()) else { return };
+    let before = at.min(0).unsigned_abs().min(to.len());
+    let (left, to) = to.split_at_mut(before);
+    left.fill(value(first));
+    let seen = row.get(at.max(0) as usize..).unwrap_or_default();
+    let (middle, right) = to.split_at_mut(seen.len().min(to.len()));
+    middle.iter_mut().zip(seen).for_each(|(to, pixel)| *to = value(*pixel));
+    right.fill(value(last));
 }
 
 /// A box of a picture, resampled to `width` x `height` pixels: the box is cut into as many equal cells, and

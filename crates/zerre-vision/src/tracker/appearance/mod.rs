@@ -97,7 +97,7 @@ impl AppearanceTracker {
         let spare = Spare::default();
         let template = Template::new(frame, place, settings)?;
         let position_sd = settings.position_noise.pixels(bounds.width, bounds.height);
-        let resemblance = Resemblance::new(&template, settings, &spare);
+        let resemblance = Resemblance::new(&template, settings, &spare, 0);
         let around: Vec<f64> = [-1.0, 0.0, 1.0]
             .iter()
             .flat_map(|dx| [-1.0, 0.0, 1.0].map(|dy| [*dx, dy]))
@@ -109,7 +109,7 @@ impl AppearanceTracker {
             .collect::<Result<_>>()?;
         let ground = around.iter().sum::<f64>() / around.len().max(1) as f64;
         let usual = (resemblance.similarity(frame, place)?, 1);
-        let motion = BoxMotion::new(settings, position_sd, None);
+        let motion = BoxMotion::new(settings, position_sd, None, frame.size());
         let rules = ParticleFilter::new(prior, motion, resemblance, filter.clone())?;
         let cloud = rules.start(Time::ZERO, stream)?;
         Ok(AppearanceTracker {
@@ -151,8 +151,8 @@ impl Tracker for AppearanceTracker {
         }
         let flow = self.trail.as_ref().map(|trail| trail.median(frame)).transpose()?.flatten();
         self.steps += 1;
-        let motion = BoxMotion::new(&self.settings, self.position_sd, flow);
-        let resemblance = Resemblance::new(&self.template, &self.settings, &self.spare);
+        let motion = BoxMotion::new(&self.settings, self.position_sd, flow, self.size);
+        let resemblance = Resemblance::new(&self.template, &self.settings, &self.spare, self.steps);
         let rules = ParticleFilter::new(self.prior, motion, resemblance, self.filter.clone())?;
         rules.step(&mut self.cloud, Time::from_nanos(self.steps * 1_000_000_000), Some(frame))?;
         let law = self.cloud.gaussian()?;

@@ -9,7 +9,8 @@ use zerre::{Result, Time};
 pub(super) const STATE: usize = 6;
 
 /// x_k = A x_{k-1} + noise (Dilmen and Talu 2017, equation 15), once per frame: the centre moves by the velocity, which
-/// keeps its share, and the logarithms of the sides wander. The flow of the frame enters as the settings say.
+/// keeps its share, and the logarithms of the sides wander. The flow of the frame enters as the settings say. Centres stay on
+/// the frame, beyond which nothing can be seen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoxMotion {
     /// What stands in for every velocity.
@@ -20,11 +21,18 @@ pub(super) struct BoxMotion {
     position_sd: f64,
     velocity_sd: f64,
     size_sd: f64,
+    /// Width and height of the frame.
+    size: [f64; 2],
 }
 
 impl BoxMotion {
-    /// The motion of one frame with this flow, pixels; `position_sd` in pixels.
-    pub(super) fn new(settings: &AppearanceSettings, position_sd: f64, flow: Option<[f64; 2]>) -> BoxMotion {
+    /// The motion of one frame with this flow, pixels; `position_sd` in pixels, `size` of the frame.
+    pub(super) fn new(
+        settings: &AppearanceSettings,
+        position_sd: f64,
+        flow: Option<[f64; 2]>,
+        (width, height): (usize, usize),
+    ) -> BoxMotion {
         BoxMotion {
             velocity: flow.filter(|_| settings.flow == FlowUse::Velocity),
             shift: flow.filter(|_| settings.flow == FlowUse::Move).unwrap_or_default(),
@@ -32,6 +40,7 @@ impl BoxMotion {
             position_sd,
             velocity_sd: settings.velocity_noise,
             size_sd: settings.size_noise,
+            size: [width as f64, height as f64],
         }
     }
 }
@@ -51,7 +60,8 @@ impl Motion<STATE, STATE> for BoxMotion {
                 Some(flow) => x[2 + d].constant(flow[d]),
                 None => x[2 + d],
             };
-            moved[d] = x[d] + velocity + step.shift[d] + noise[d] * step.position_sd;
+            let free = x[d] + velocity + step.shift[d] + noise[d] * step.position_sd;
+            moved[d] = free.max(free.constant(0.0)).min(free.constant(step.size[d]));
             moved[2 + d] = velocity * step.kept + noise[2 + d] * step.velocity_sd;
         }
         if step.size_sd > 0.0 {
@@ -74,7 +84,7 @@ mod tests {
     const STATE_BEFORE: [f64; STATE] = [10.0, 20.0, 1.5, -2.0, 8.0, 6.0];
 
     fn moved(settings: &AppearanceSettings, noise: [f64; STATE]) -> [f64; STATE] {
-        let motion = BoxMotion::new(settings, 3.0, Some([4.0, 5.0]));
+        let motion = BoxMotion::new(settings, 3.0, Some([4.0, 5.0]), (100, 22));
         let step = motion.over(Time::ZERO, Time::from_secs(1.0)).unwrap();
         BoxMotion::apply(&step, STATE_BEFORE, noise)
     }
@@ -84,8 +94,8 @@ mod tests {
         let rt = AppearanceSettings::rt();
         let with = |flow| moved(&AppearanceSettings { flow, ..rt.clone() }, [0.0; STATE]);
         assert_eq!(with(FlowUse::Off), [11.5, 18.0, 1.5, -2.0, 8.0, 6.0]);
-        assert_eq!(with(FlowUse::Velocity), [14.0, 25.0, 4.0, 5.0, 8.0, 6.0]);
-        assert_eq!(with(FlowUse::Move), [15.5, 23.0, 1.5, -2.0, 8.0, 6.0]);
+        assert_eq!(with(FlowUse::Velocity), [14.0, 22.0, 4.0, 5.0, 8.0, 6.0]);
+        assert_eq!(with(FlowUse::Move), [15.5, 22.0, 1.5, -2.0, 8.0, 6.0]);
     }
 
     #[test]

@@ -58,6 +58,11 @@ impl Place {
         Place::between(x, y, right, bottom)
     }
 
+    /// Whether it lies in another.
+    pub(super) fn is_in(self, larger: Place) -> bool {
+        Place::about([self, larger]) == Some(larger)
+    }
+
     /// Where its upper left corner lies in a larger box, columns and rows.
     pub(super) fn within(self, larger: Place) -> (usize, usize) {
         let along = |from: isize, to: isize| usize::try_from(to - from).unwrap_or(0);
@@ -85,6 +90,7 @@ mod tests {
         let both = Place::about([a, b]).unwrap();
         assert_eq!(both, Place { x: -3, y: 0, width: 7, height: 6 });
         assert_eq!(b.within(both), (4, 0));
+        assert!(a.is_in(both) && b.is_in(both) && !both.is_in(a));
         assert_eq!(both.on_frame(1, (100, 5)), Place { x: 0, y: 0, width: 5, height: 5 });
         let beyond = Place { x: 120, y: -9, width: 4, height: 4 };
         assert_eq!(beyond.on_frame(2, (100, 50)), Place { x: 99, y: 0, width: 1, height: 1 });

@@ -3,9 +3,9 @@
 use super::colour::{Bins, ColourTemplate, Counts, bin_of, span};
 use super::motion::STATE;
 use super::place::Place;
-use super::settings::{AppearanceSettings, Similarity};
+use super::settings::{AppearanceSettings, Equalisation, Similarity};
 use super::structure::{Moments, Plane, StructureTemplate, Sums};
-use crate::operator::{blur, channel, clahe, crop, grey, merge, patch};
+use crate::operator::{Clahe, blur, channel, crop, extended, grey, merge, patch};
 use crate::{Frame, Image, Rect, Result};
 use fearless_simd::{Level, dispatch};
 use std::sync::{Mutex, PoisonError};
@@ -25,6 +25,9 @@ pub(super) enum Template {
 /// Memory that blocks of particles use one after the other.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
+    /// The frame, by its number, and the part of it that is in the memory.
+    seen: Option<(i64, Place)>,
+    picture: Option<(Image<u8>, Place)>,
     places: Vec<Option<Place>>,
     similarities: Vec<f64>,
     bins: Bins,
@@ -48,18 +51,6 @@ impl Spare {
         list().push(memory);
         done
     }
-}
-
-/// Fills `to` with values of the pixels of `row` from number `at` on; beyond its ends with those of the nearest pixel.
-fn extended<P: Copy, Q: Copy>(row: &[P], at: isize, to: &mut [Q], value: impl Fn(P) -> Q) {
-    let (Some(&first), Some(&last)) = (row.first(), row.last()) else { return };
-    let before = at.min(0).unsigned_abs().min(to.len());
-    let (left, to) = to.split_at_mut(before);
-    left.fill(value(first));
-    let seen = row.get(at.max(0) as usize..).unwrap_or_default();
-    let (middle, right) = to.split_at_mut(seen.len().min(to.len()));
-    middle.iter_mut().zip(seen).for_each(|(to, pixel)| *to = value(*pixel));
-    right.fill(value(last));
 }
 
 /// The row of a picture that begins at `from` which row `y` of `region` shows.
@@ -86,21 +77,26 @@ impl AppearanceSettings {
         Ok((merge([&red?, &green?, &blue?])?, wider))
     }
 
-    /// The part of the smoothed and equalised grey frame that `region` sees, and where it lies.
+    /// The part of the smoothed and equalised grey frame that `region` sees, and where it lies: as it is in the whole
+    /// frame, of which no more is computed than decides it.
     fn greys(&self, frame: &Frame, region: Place) -> Result<(Image<u8>, Place)> {
-        let whole = Place { x: 0, y: 0, width: frame.width(), height: frame.height() };
-        let part = match (self.equalisation, self.blur) {
-            (Some(_), _) => whole,
-            (None, size) => region.on_frame(size.unwrap_or(0) / 2, frame.size()),
+        let seen = region.on_frame(0, frame.size());
+        let Some(Equalisation { clip, tiles }) = self.equalisation else {
+            return self.smooth_greys(frame, seen);
         };
-        let mut picture = grey(&cut(frame, part));
-        if let Some(size) = self.blur {
-            picture = blur(&picture, size, None)?;
-        }
-        if let Some(equalisation) = self.equalisation {
-            picture = clahe(&picture, equalisation.clip, equalisation.tiles)?;
-        }
-        Ok((picture, part))
+        let clahe = Clahe::new(frame.size(), clip, tiles)?;
+        let part = [seen.x as usize, seen.y as usize, seen.width, seen.height];
+        let [x, y, width, height] = clahe.reach(part);
+        let reach = Place { x: x as isize, y: y as isize, width, height };
+        let (picture, from) = self.smooth_greys(frame, reach)?;
+        Ok((clahe.part(&picture, (from.x as usize, from.y as usize), part), seen))
+    }
+
+    /// A part of the smoothed grey frame, with a margin that is not right, and where it lies.
+    fn smooth_greys(&self, frame: &Frame, part: Place) -> Result<(Image<u8>, Place)> {
+        let Some(size) = self.blur else { return Ok((grey(&cut(frame, part)), part)) };
+        let wider = part.on_frame(size / 2, frame.size());
+        Ok((blur(&grey(&cut(frame, wider)), size, None)?, wider))
     }
 
     fn bins(&self, frame: &Frame, region: Place, count: usize, bins: &mut Bins) -> Result<()> {
@@ -194,11 +190,18 @@ pub(super) struct Resemblance<'a> {
     template: &'a Template,
     settings: &'a AppearanceSettings,
     spare: &'a Spare,
+    /// Number of the frame.
+    number: i64,
 }
 
 impl<'a> Resemblance<'a> {
-    pub(super) fn new(template: &'a Template, settings: &'a AppearanceSettings, spare: &'a Spare) -> Self {
-        Resemblance { template, settings, spare }
+    pub(super) fn new(
+        template: &'a Template,
+        settings: &'a AppearanceSettings,
+        spare: &'a Spare,
+        number: i64,
+    ) -> Self {
+        Resemblance { template, settings, spare, number }
     }
 
     /// Similarity of one box.
@@ -215,40 +218,50 @@ impl<'a> Resemblance<'a> {
     fn compare(&self, frame: &Frame, memory: &mut Memory) -> Result<()> {
         memory.similarities.clear();
         memory.similarities.resize(memory.places.len(), 0.0);
-        let Some(region) = Place::about(memory.places.iter().flatten().copied()) else { return Ok(()) };
+        let Some(wanted) = Place::about(memory.places.iter().flatten().copied()) else { return Ok(()) };
+        // What a part of the frame looks like does not depend on the part.
+        let known = memory.seen.filter(|(number, region)| *number == self.number && wanted.is_in(*region));
+        let region = known.map_or(wanted, |(_, region)| region);
+        if known.is_none() {
+            memory.seen = None;
+            match self.template {
+                Template::Colour(template) => {
+                    self.settings.bins(frame, region, template.bins(), &mut memory.bins)?;
+                }
+                Template::Structure(template) => {
+                    memory.picture = Some(self.settings.plane(frame, region, &mut memory.plane)?);
+                    let Memory { plane, moments, sums, .. } = memory;
+                    if template.shares_moments() {
+                        dispatch!(Level::new(), _simd => moments.fill(plane, template.window(), sums));
+                    }
+                }
+            }
+            memory.seen = Some((self.number, region));
+        }
         match self.template {
             Template::Colour(template) => {
-                self.settings.bins(frame, region, template.bins(), &mut memory.bins)?;
                 for (place, similarity) in memory.places.iter().zip(&mut memory.similarities) {
                     let Some(place) = *place else { continue };
                     let (at, size) = span(place, region);
                     *similarity = template.similarity(&memory.bins, at, size, &mut memory.counts);
                 }
+                Ok(())
             }
             Template::Structure(template) => {
-                let picture = self.settings.plane(frame, region, &mut memory.plane)?;
                 // The same code for every SIMD level, which the compiler widens; no result depends on the width.
-                dispatch!(Level::new(), _simd => structures(template, (&picture, region), memory))?;
+                dispatch!(Level::new(), _simd => structures(template, region, memory))
             }
         }
-        Ok(())
     }
 }
 
 /// Structural similarities of all places, whose grey values are those of `region`.
 #[inline(always)]
-fn structures(
-    template: &StructureTemplate,
-    (picture, region): (&(Image<u8>, Place), Place),
-    memory: &mut Memory,
-) -> Result<()> {
-    let Memory { places, similarities, plane, moments, patch, patch_moments, sums, .. } = memory;
+fn structures(template: &StructureTemplate, region: Place, memory: &mut Memory) -> Result<()> {
+    let Memory { places, similarities, picture, plane, moments, patch, patch_moments, sums, .. } = memory;
     let size = template.size();
     let is_whole = |place: &Place| (place.width, place.height) == size;
     let shares_moments = template.shares_moments();
-    if shares_moments && places.iter().flatten().any(is_whole) {
-        moments.fill(plane, template.window(), sums);
-    }
     for (place, similarity) in places.iter().zip(similarities) {
         let Some(place) = *place else { continue };
         if shares_moments && is_whole(&place) {
@@ -257,7 +270,7 @@ fn structures(
         }
         if is_whole(&place) {
             patch.copy(plane, place.within(region), size);
-        } else {
+        } else if let Some(picture) = picture {
             resampled(picture, place, size, patch)?;
         }
         template.shade(patch);

@@ -98,19 +98,23 @@ impl Sums {
     }
 }
 
-/// `sums[x] <- columns[x] + ... + columns[x + window - 1]`, in whole lanes as far as both reach.
+/// `sums[x] <- columns[x] + ... + columns[x + window - 1]`, as far as both reach.
 #[inline(always)]
 fn along(columns: &[f32], window: usize, sums: &mut [f32]) {
-    let whole = (columns.len() + 1).saturating_sub(window) / LANES;
-    for (i, out) in sums.as_chunks_mut::<LANES>().0.iter_mut().take(whole).enumerate() {
-        let mut sum = [0.0; LANES];
-        for j in 0..window {
-            let from = &columns[i * LANES + j..][..LANES];
-            for k in 0..LANES {
-                sum[k] += from[k];
-            }
+    let count = (columns.len() + 1).saturating_sub(window).min(sums.len());
+    let sums = &mut sums[..count];
+    sums.copy_from_slice(&columns[..count]);
+    // Three at a time: the sums go through memory less often.
+    let mut j = 1;
+    while j < window {
+        let from = |j: usize| &columns[j..][..count];
+        let (a, b, c) = (from(j), from((j + 1).min(window - 1)), from((j + 2).min(window - 1)));
+        match window - j {
+            1 => (0..count).for_each(|x| sums[x] += a[x]),
+            2 => (0..count).for_each(|x| sums[x] += a[x] + b[x]),
+            _ => (0..count).for_each(|x| sums[x] += a[x] + b[x] + c[x]),
         }
-        *out = sum;
+        j += 3;
     }
 }
 
@@ -273,15 +277,15 @@ impl StructureTemplate {
         // As many columns as the squares of the last lane read; the template is zero beyond its own.
         let width = (squares + window - 1).min(self.compared.stride);
         sums.reset(self.compared.stride);
-        let Sums { columns, row, .. } = sums;
+        let Sums { columns, row, row_squares: values, .. } = sums;
         let columns = &mut columns[..width];
         let shares = Shares::of(window);
         let is_plain = self.exponents == [1.0; 3];
         let mut total = 0.0;
         for j in 0..self.height {
             let (ours, theirs) = (&self.compared.from(0, j)[..width], &plane.from(x, y + j)[..width]);
-            for ((sum, a), b) in columns.iter_mut().zip(ours).zip(theirs) {
-                *sum += a * b;
+            for i in 0..width {
+                columns[i] += ours[i] * theirs[i];
             }
             if j + 1 < window {
                 continue;
@@ -295,11 +299,11 @@ impl StructureTemplate {
                 theirs: [&moments.mean, &moments.variance].map(|p| &p.from(x, y + top)[..squares]),
                 weights: &self.weights[0],
             };
-            let sum = if is_plain { row.similarity() } else { row.general(self.exponents) };
+            let sum = if is_plain { row.similarity(values) } else { row.general(self.exponents) };
             total += sum * f64::from(self.weights[1][top]);
             let (ours, theirs) = (&self.compared.from(0, top)[..width], &plane.from(x, y + top)[..width]);
-            for ((sum, a), b) in columns.iter_mut().zip(ours).zip(theirs) {
-                *sum -= a * b;
+            for i in 0..width {
+                columns[i] -= ours[i] * theirs[i];
             }
         }
         total
@@ -318,21 +322,24 @@ struct Row<'a> {
 impl Row<'_> {
     /// Weighted sum of equation 14.
     #[inline(always)]
-    fn similarity(&self) -> f64 {
-        let products = self.products.as_chunks::<LANES>().0;
-        let [means, variances] = self.ours.map(|p| p.as_chunks::<LANES>().0);
-        let [their_means, their_variances] = self.theirs.map(|p| p.as_chunks::<LANES>().0);
-        let weights = self.weights.as_chunks::<LANES>().0;
+    fn similarity(&self, values: &mut [f32]) -> f64 {
+        let count = self.weights.len();
+        let Shares { product, squared, .. } = self.shares;
+        let (products, weights, values) =
+            (&self.products[..count], &self.weights[..count], &mut values[..count]);
+        let [a, va] = self.ours.map(|p| &p[..count]);
+        let [b, vb] = self.theirs.map(|p| &p[..count]);
+        for x in 0..count {
+            let mean = a[x] * b[x];
+            let covariance = products[x] * product - mean * squared;
+            let above = (2.0 * mean + C1) * (2.0 * covariance + C2);
+            let below = (a[x] * a[x] + b[x] * b[x] + C1) * (va[x] + vb[x] + C2);
+            values[x] = above / below * weights[x];
+        }
         let mut sum = [0.0_f32; LANES];
-        for (i, products) in products.iter().enumerate() {
-            let (a, b) = (&means[i], &their_means[i]);
-            let (va, vb) = (&variances[i], &their_variances[i]);
+        for values in values.as_chunks::<LANES>().0 {
             for k in 0..LANES {
-                let mean = a[k] * b[k];
-                let covariance = products[k] * self.shares.product - mean * self.shares.squared;
-                let above = (2.0 * mean + C1) * (2.0 * covariance + C2);
-                let below = (a[k] * a[k] + b[k] * b[k] + C1) * (va[k] + vb[k] + C2);
-                sum[k] += above / below * weights[i][k];
+                sum[k] += values[k];
             }
         }
         let [a, b, c, d, e, f, g, h] = sum.map(f64::from);
