@@ -22,7 +22,8 @@ fn folder(name: &str) -> PathBuf {
 
 #[test]
 fn help_teaches_by_examples_and_tells_defaults() {
-    for command in ["", "track", "simulate", "compare", "bench", "catalog", "schema", "init"] {
+    for command in ["", "track", "simulate", "compare", "video", "otb", "bench", "catalog", "schema", "init"]
+    {
         let output = zerre(&format!("{command} --help"));
         let help = text(&output.stdout);
         assert_eq!(output.status.code(), Some(0), "{command}");

@@ -11,6 +11,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use zerre_lab::number;
 use zerre_lab::otb::{Answers, Line, Otb, Protocol, Row, lines};
+use zerre_vision::frames::folder::Place;
 use zerre_vision::sequence::{Sequence, origin, read_boxes};
 
 const COMMAND: &str = "otb";
@@ -71,7 +72,13 @@ pub(super) fn run(args: &args::Otb, options: &Global, console: &Console) -> Resu
         "repeat": args.repeat,
         "results": others.iter().map(|other| other.tracker.as_str()).collect::<Vec<_>>(),
     });
-    let read: Vec<PathBuf> = inputs.iter().map(|input| PathBuf::from(&input.path)).collect();
+    let mut read: Vec<PathBuf> = inputs.iter().map(|input| PathBuf::from(&input.path)).collect();
+    // Outputs must not go among the pictures either.
+    for place in sequences.iter().filter_map(|sequence| sequence.pictures.places().first()) {
+        if let Place::File(path) = place {
+            read.push(path.clone());
+        }
+    }
     let first = args.sequences.first().map(PathBuf::as_path);
     let order = Order {
         command: COMMAND,

@@ -1,6 +1,6 @@
 //! Videos, written by the program `ffmpeg` over a pipe.
 
-use super::ffmpeg::{Listener, absent};
+use super::ffmpeg::{Listener, absent, apart};
 use crate::{Error, Result};
 use std::fs;
 use std::io::Write;
@@ -40,6 +40,7 @@ impl Encoder {
         ]);
         command.args(["-f", "mp4"]).arg(format!("file:{}", aside.display()));
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        apart(&mut command);
         let mut program = command.spawn().map_err(|error| absent(&output.to_string_lossy(), &error))?;
         let pixels = program.stdin.take();
         let said = Listener::new(program.stderr.take());

@@ -61,6 +61,7 @@ impl Video {
         command.args(["-map", "0:v:0"]).args(passthrough()?);
         command.args(["-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "pipe:1"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        apart(&mut command);
         let mut program = command.spawn().map_err(|error| absent(input, &error))?;
         let said = Listener::new(program.stderr.take());
         let Some(stdout) = program.stdout.take() else {
@@ -198,6 +199,14 @@ impl Listener {
         }
         self.said.lock().map(|said| said.clone()).unwrap_or_default()
     }
+}
+
+/// Keeps Ctrl-C at the terminal from the program: who runs it decides when it ends.
+pub(super) fn apart(command: &mut Command) {
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(command, 0);
+    #[cfg(not(unix))]
+    let _ = command;
 }
 
 /// Whether `ffmpeg` can be run.

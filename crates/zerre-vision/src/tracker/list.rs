@@ -1,6 +1,6 @@
 //! The list of trackers: what the command line, the reports and the tests know.
 
-use super::{AppearanceSettings, AppearanceTracker, Still, Tracker};
+use super::{AppearanceSettings, AppearanceTracker, CorrelationSettings, CorrelationTracker, Still, Tracker};
 use crate::{Frame, Rect, Result};
 use zerre::kernels::Threads;
 use zerre::rng::Stream;
@@ -30,6 +30,15 @@ impl Kind {
 
 /// All trackers; the first one is the default.
 pub const TRACKERS: &[Kind] = &[
+    Kind {
+        name: "zerre",
+        about: "particles over the response of correlation filters, with colours, scale, and a search when lost",
+        source: "the filters of Galoogahi et al. 2017, Danelljan et al. 2014, Bertinetto et al. 2016",
+        start: |frame, bounds, stream| {
+            let settings = CorrelationSettings::default();
+            Ok(Box::new(CorrelationTracker::start(frame, bounds, settings, (stream, Threads::Serial))?))
+        },
+    },
     Kind {
         name: "still",
         about: "the box stays where it is put: the floor of every table",

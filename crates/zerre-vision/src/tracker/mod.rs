@@ -1,6 +1,7 @@
 //! Trackers: they start on a box in a frame and say in every further frame where the object is, and how sure they are.
 
 mod appearance;
+mod correlation;
 mod list;
 mod still;
 
@@ -8,6 +9,7 @@ pub use appearance::{
     AppearanceSettings, AppearanceTracker, CentreWeight, Deviation, Equalisation, FlowUse, Similarity,
     TemplateUpdate,
 };
+pub use correlation::{CorrelationSettings, CorrelationTracker, Signs};
 pub use list::{Kind, TRACKERS, find};
 pub use still::Still;
 

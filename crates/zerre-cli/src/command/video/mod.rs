@@ -41,9 +41,8 @@ pub(super) fn run(args: &Video, options: &Global, console: &Console) -> Result<E
             serde_json::to_string_pretty(&record.config).map_err(|e| Diagnostic::new(e.to_string()))?;
         console.info(format_args!("{text}\nthe tracker has the settings that it is listed with"));
     }
-    let read: Vec<PathBuf> = record.input.iter().map(|input| PathBuf::from(&input.path)).collect();
     let destination = Destination::of(options, COMMAND, Some(Path::new(&args.input)))
-        .reading(read.iter().map(PathBuf::as_path));
+        .reading(opened.read.iter().map(PathBuf::as_path));
     let mut folder = Folder::open(&destination, COMMAND)?;
     listen()?;
 

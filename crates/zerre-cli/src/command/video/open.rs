@@ -23,6 +23,8 @@ pub(super) struct Opened {
     /// Number of the frame that the box is of.
     pub first: usize,
     pub inputs: Vec<Input>,
+    /// A file of each folder that is read: outputs must not go there.
+    pub read: Vec<PathBuf>,
     pub notes: Vec<String>,
 }
 
@@ -38,6 +40,7 @@ pub(super) fn open(args: &Video, console: &Console) -> Result<Opened, Diagnostic
     };
     let mut notes = Vec::new();
     let mut inputs = Vec::new();
+    let mut read = vec![path.to_owned()];
     let mut frames = if path.is_dir() {
         let mut pictures = Pictures::open(path).map_err(refused)?;
         if let Some(sequence) = sequence(args, path)? {
@@ -45,6 +48,7 @@ pub(super) fn open(args: &Video, console: &Console) -> Result<Opened, Diagnostic
             pictures = sequence.pictures;
             truth = Some((sequence.truth, sequence.source));
         }
+        read.extend(pictures.places().iter().find_map(file));
         inputs.push(of_pictures(&args.input, &pictures)?);
         Frames::of_pictures(pictures)
     } else {
@@ -58,6 +62,7 @@ pub(super) fn open(args: &Video, console: &Console) -> Result<Opened, Diagnostic
     }
     let (truth, source) = truth.map_or_else(Default::default, |(truth, source)| (truth, Some(source)));
     inputs.extend(source.as_deref().map(super::super::input).transpose()?);
+    read.extend(source.clone());
     let start = truth.iter().enumerate().find_map(|(at, bounds)| Some((at, (*bounds)?)));
     let (first, bounds) = match (args.bounds, start) {
         (Some(bounds), _) => (0, bounds),
@@ -71,7 +76,7 @@ pub(super) fn open(args: &Video, console: &Console) -> Result<Opened, Diagnostic
     for _ in 0..first {
         frames.next();
     }
-    Ok(Opened { frames, truth, source, bounds, first, inputs, notes })
+    Ok(Opened { frames, truth, source, bounds, first, inputs, read, notes })
 }
 
 /// The annotated sequence in a folder: the only one, or the one whose annotation is named as the truth.
@@ -108,13 +113,17 @@ fn no_box(frames: &mut Frames) -> Diagnostic {
 
 /// All pictures of a folder as one input, one after the other.
 fn of_pictures(name: &str, pictures: &Pictures) -> Result<Input, Diagnostic> {
-    let files = pictures.places().iter().filter_map(|place| match place {
-        Place::File(path) => Some(path.clone()),
-        Place::Missing(_) => None,
-    });
-    let chain = Chain { files: files.collect::<Vec<_>>().into_iter(), open: None };
+    let files: Vec<PathBuf> = pictures.places().iter().filter_map(file).collect();
+    let chain = Chain { files: files.into_iter(), open: None };
     let unreadable = |error| Diagnostic::io("read", pictures.folder(), &error);
     Hashing::new(chain).finish(name).map_err(unreadable)
+}
+
+fn file(place: &Place) -> Option<PathBuf> {
+    match place {
+        Place::File(path) => Some(path.clone()),
+        Place::Missing(_) => None,
+    }
 }
 
 /// Files one after the other.
