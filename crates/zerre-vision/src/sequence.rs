@@ -1,21 +1,21 @@
 //! Annotated sequences of the public benchmarks: pictures, and where the object is in them.
 //!
-//! | benchmark | pictures | annotation | read as |
-//! |---|---|---|---|
-//! | OTB | `img/` | `groundtruth_rect.txt`, one file per target (`groundtruth_rect.1.txt`) where there are several | boxes, the first pixel is 1 |
-//! | VOT | beside it, or `color/` | `groundtruth.txt` | boxes or polygons of four corners, the first pixel is 0 |
-//! | GOT-10k | beside it | `groundtruth.txt`, `absence.label` | boxes, the first pixel is 0 |
+//! - OTB: pictures in `img/`; boxes in `groundtruth_rect.txt`, or one file per target where there are several
+//!   (`groundtruth_rect.1.txt`); the first pixel is 1.
+//! - VOT: pictures beside the annotation or in `color/`; boxes or polygons of four corners in `groundtruth.txt`;
+//!   the first pixel is 0.
+//! - GOT-10k: pictures beside the annotation; boxes in `groundtruth.txt`, `absence.label`; the first pixel is 0.
 //!
-//! A polygon becomes the smallest upright box about its corners. Rows of NaN, boxes without width and height and rows
-//! that `absence.label` marks with 1 say that the object is not to be seen.
+//! A polygon becomes the smallest upright box about its corners. Rows of NaN, boxes without width and height
+//! and rows that `absence.label` marks with 1 say that the object is not to be seen.
 
 use crate::frames::folder::{Pictures, Place};
 use crate::{Error, Rect, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Sequences of OTB whose annotation begins later than their pictures, with the number of the first annotated picture
-/// (the benchmark's list of sequences).
+/// Sequences of OTB whose annotation begins later than their pictures, with the number of the first annotated
+/// picture (the benchmark's list of sequences).
 const LATE: [(&str, u64); 4] = [("David", 300), ("BlurCar1", 247), ("BlurCar3", 3), ("BlurCar4", 18)];
 
 /// One object in one sequence.
@@ -25,7 +25,8 @@ pub struct Sequence {
     pub name: String,
     /// The pictures from the first annotated one on.
     pub pictures: Pictures,
-    /// Where the object is in each of them; `None` where it is not to be seen. There may be fewer than pictures.
+    /// Where the object is in each of them; `None` where it is not to be seen. There may be fewer than
+    /// pictures.
     pub truth: Vec<Option<Rect>>,
     /// The file that says so.
     pub source: PathBuf,
@@ -101,7 +102,8 @@ fn annotations(folder: &Path) -> Result<Vec<(Option<String>, PathBuf)>> {
     Ok(found)
 }
 
-/// The number that the first pixel has in an annotation: 1 in OTB, whose files are known by their name, 0 elsewhere.
+/// The number that the first pixel has in an annotation: 1 in OTB, whose files are known by their name, 0
+/// elsewhere.
 pub fn origin(file: &Path) -> f64 {
     let name = file.file_name().map(|name| name.to_string_lossy());
     if name.is_some_and(|name| name.starts_with("groundtruth_rect")) { 1.0 } else { 0.0 }
@@ -147,9 +149,10 @@ fn together(pictures: &Pictures, name: &str, truth: &mut Vec<Option<Rect>>) -> (
     }
 }
 
-/// Boxes from a file, one a line: `x y width height` or the corners of a polygon `x y x y x y x y`, between commas,
-/// tabs, semicolons or spaces; `origin` is the number that the first pixel has there. A file whose first line names the
-/// columns `x`, `y`, `w` and `h` is read by them, with 0 for the first pixel: so are our own results.
+/// Boxes from a file, one a line: `x y width height` or the corners of a polygon `x y x y x y x y`, between
+/// commas, tabs, semicolons or spaces; `origin` is the number that the first pixel has there. A file whose
+/// first line names the columns `x`, `y`, `w` and `h` is read by them, with 0 for the first pixel: so are our
+/// own results.
 ///
 /// # Errors
 /// A file that cannot be read or is empty, a line that is no box, with its number and the value.

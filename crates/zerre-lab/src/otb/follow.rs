@@ -43,15 +43,16 @@ pub struct Moment<'a> {
     pub tracker: &'a dyn Tracker,
 }
 
-/// The random numbers of a repetition, the first of which is 0: those of `zerre video` and of `zerre otb` alike.
+/// The random numbers of a repetition, the first of which is 0: those of `zerre video` and of `zerre otb`
+/// alike.
 pub fn luck(seed: u64, repeat: u64) -> Stream {
     /// "tracker" in ASCII.
-    const LABEL: u64 = 0x7472_6163_6b65_72;
+    const LABEL: u64 = 0x0074_7261_636b_6572;
     Stream::new(seed).fork(LABEL).fork(repeat)
 }
 
-/// Starts a tracker on the first frame, on the box that `place` gives for its size, and follows to the end or until `see`
-/// says no.
+/// Starts a tracker on the first frame, on the box that `place` gives for its size, and follows to the end or
+/// until `see` says no.
 ///
 /// # Errors
 /// No first frame, or one that cannot be read; a box that no tracker can start from. Later failures are in what is returned.

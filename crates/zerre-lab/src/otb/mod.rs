@@ -1,5 +1,5 @@
-//! Trackers scored on annotated sequences as the Object Tracking Benchmark does it: protocols, scores, and all of it as
-//! an [`Experiment`] whose cells are single runs.
+//! Trackers scored on annotated sequences as the Object Tracking Benchmark does it: protocols, scores, and
+//! all of it as an [`Experiment`] whose cells are single runs.
 
 mod follow;
 mod page;
@@ -200,7 +200,8 @@ impl Experiment for Otb {
     }
 }
 
-/// Estimates as a table: `frame,x,y,w,h,p_lost,var_x,var_y`, frames counted from `first`, the first pixel being 0.
+/// Estimates as a table: `frame,x,y,w,h,p_lost,var_x,var_y`, frames counted from `first`, the first pixel
+/// being 0.
 pub fn boxes_csv(estimates: &[Estimate], first: usize) -> String {
     let mut out = String::from("frame,x,y,w,h,p_lost,var_x,var_y\n");
     for (frame, estimate) in (first..).zip(estimates) {

@@ -3,6 +3,7 @@
 use super::{Doubts, Followed, LOST_FRAMES, OFF_OBJECT, Scores};
 use crate::report::study::{Figure, Grid, Picture, Section, Series, Shown, StudyReport};
 use zerre_vision::Rect;
+use zerre_vision::tracker::Estimate;
 
 /// Most points of a line.
 const POINTS: usize = 1500;
@@ -41,6 +42,10 @@ pub fn page(watched: Watched) -> StudyReport {
             ..Section::default()
         });
     }
+    // What is told of the first frame is not the tracker's own.
+    let own = |value: &dyn Fn(&Estimate) -> f64| -> Vec<f64> {
+        estimates.iter().enumerate().map(|(k, e)| if k > 0 { value(e) } else { f64::NAN }).collect()
+    };
     let known = || estimates.iter().zip(watched.truth);
     let figure = |title: &str, y: &str, lines: Vec<(&str, Vec<f64>)>, level: Option<(f64, &str)>| {
         let line = |(name, values): (&str, Vec<f64>)| {
@@ -62,15 +67,15 @@ pub fn page(watched: Watched) -> StudyReport {
             ..Figure::default()
         }
     };
-    let deviation = |k: usize| estimates.iter().map(|e| e.covariance[k][k].sqrt()).collect();
+    let deviation = |k: usize| own(&|e| e.covariance[k][k].sqrt());
     let mut figures = vec![
         figure(
             "Probability of being lost",
             "probability",
-            vec![("lost", estimates.iter().map(|e| e.p_lost).collect())],
+            vec![("lost", own(&|e| e.p_lost))],
             Some((0.5, "flag")),
         ),
-        figure("Score", "score", vec![("score", estimates.iter().map(|e| e.score).collect())], None),
+        figure("Score", "score", vec![("score", own(&|e| e.score))], None),
         figure(
             "Standard deviation of the centre",
             "px",

@@ -56,9 +56,9 @@ pub struct Start {
     pub shift: Option<Shift>,
 }
 
-/// The frames at which the benchmark splits a sequence: evenly over those whose box begins on the picture and which leave
-/// 20 frames to follow, and the last of them. The benchmark also leaves out frames in which the object is hidden, by lists
-/// that do not come with its annotations; here they may be among the starts.
+/// The frames at which the benchmark splits a sequence: evenly over those whose box begins on the picture and
+/// which leave 20 frames to follow, and the last of them. The benchmark also leaves out frames in which the
+/// object is hidden, by lists that do not come with its annotations; here they may be among the starts.
 fn temporal(truth: &[Option<Rect>], first: usize) -> Vec<usize> {
     let whole = |(at, bounds): (usize, &Option<Rect>)| {
         let bounds = (*bounds)?;

@@ -170,7 +170,8 @@ fn of_protocol(protocol: Protocol, lines: &[Line]) -> Option<Section> {
              0.8 to 1.2; all frames of all runs count alike.",
         ),
     };
-    let curve = |value: &dyn Fn(&Line) -> (f64, Vec<[f64; 2]>)| -> Vec<Series> {
+    type Curve = (f64, Vec<[f64; 2]>);
+    let curve = |value: &dyn Fn(&Line) -> Curve| -> Vec<Series> {
         let series = |line: &&Line| {
             let (number, points) = value(line);
             Series { name: format!("{} [{number:.3}]", line.tracker), points, ..Series::default() }

@@ -1,5 +1,5 @@
-//! What boxes are worth against an annotation, as the Object Tracking Benchmark counts it (Y. Wu, J. Lim, M.-H. Yang,
-//! Object tracking benchmark, IEEE TPAMI 37(9), 1834-1848, 2015).
+//! What boxes are worth against an annotation, as the Object Tracking Benchmark counts it (Y. Wu, J. Lim,
+//! M.-H. Yang, Object tracking benchmark, IEEE TPAMI 37(9), 1834-1848, 2015).
 
 use serde::{Deserialize, Serialize};
 use zerre_vision::Rect;
@@ -11,8 +11,8 @@ pub const PRECISION_THRESHOLDS: usize = 51;
 pub const PRECISION_AT: usize = 20;
 /// Thresholds of the overlap: 0, 0.05, ..., 1; an overlap counts when it exceeds its threshold.
 pub const SUCCESS_THRESHOLDS: usize = 21;
-/// A box whose overlap with the truth does not exceed this is not on the object (the threshold of failure of the VOT
-/// challenges since 2020).
+/// A box whose overlap with the truth does not exceed this is not on the object (the threshold of failure of
+/// the VOT challenges since 2020).
 pub const OFF_OBJECT: f64 = 0.1;
 /// A run is lost when the box is not on the object in any of its last annotated frames, which are so many.
 pub const LOST_FRAMES: usize = 10;
@@ -43,8 +43,9 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// Scores a run: `boxes` and `truth` side by side, from the first frame on. Frames without truth are left out. The
-    /// first annotated frame counts as exact: there the tracker is put, by every protocol of the benchmark.
+    /// Scores a run: `boxes` and `truth` side by side, from the first frame on. Frames without truth are left
+    /// out. The first annotated frame counts as exact: there the tracker is put, by every protocol of the
+    /// benchmark.
     pub fn of(boxes: &[Option<Rect>], truth: &[Option<Rect>]) -> Scores {
         let mut scores = Scores {
             precise: vec![0; PRECISION_THRESHOLDS],
@@ -140,7 +141,8 @@ pub struct Doubts {
     pub unflagged: usize,
     /// ... and those of them in which the truth's centre lies in the 95 % ellipse.
     pub covered: usize,
-    /// For each tenth of the probability of being lost: frames, sum of the probabilities, frames off the object.
+    /// For each tenth of the probability of being lost: frames, sum of the probabilities, frames off the
+    /// object.
     pub bins: [(usize, f64, usize); BINS],
     /// Frames flagged as lost and off the object, flagged and on it, off it without a flag.
     pub flags: [usize; 3],
@@ -183,7 +185,8 @@ impl Doubts {
         self.flags.iter_mut().zip(other.flags).for_each(|(into, from)| *into += from);
     }
 
-    /// Share of the frames without a flag in which the 95 % ellipse covers the truth; NaN without such frames.
+    /// Share of the frames without a flag in which the 95 % ellipse covers the truth; NaN without such
+    /// frames.
     pub fn coverage95(&self) -> f64 {
         self.covered as f64 / self.unflagged as f64
     }
@@ -213,7 +216,8 @@ mod tests {
         Some(Rect { x, y, width, height })
     }
 
-    /// Frames: exact; 4 px to the right (error 4, overlap 6 x 10 / 140); 20 px off; without truth; without a box.
+    /// Frames: exact; 4 px to the right (error 4, overlap 6 x 10 / 140); 20 px off; without truth; without a
+    /// box.
     #[test]
     fn scores_are_those_of_the_hand() {
         let truth = [at(0.0, 0.0, 10.0, 10.0), at(0.0, 0.0, 10.0, 10.0), at(5.0, 5.0, 10.0, 10.0), None];
@@ -229,7 +233,8 @@ mod tests {
         let precision = scores.precision();
         assert_eq!((precision[3], precision[4], precision[19], precision[20]), (0.25, 0.5, 0.5, 0.75));
         assert_eq!(scores.precision20(), 0.75);
-        // 60 / 140 = 0.4286 exceeds the thresholds 0, 0.05, ..., 0.40, which are nine; 1 exceeds all but the last.
+        // 60 / 140 = 0.4286 exceeds the thresholds 0, 0.05, ..., 0.40, which are nine; 1 exceeds all but the
+        // last.
         let success = scores.success();
         assert_eq!(
             (success[0], success[8], success[9], success[19], success[20]),

@@ -6,7 +6,8 @@ use crate::study::interval::{Estimate, mean_interval};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// One repetition of one tracker on one sequence; in the robustness evaluations over all starts, frame by frame.
+/// One repetition of one tracker on one sequence; in the robustness evaluations over all starts, frame by
+/// frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// The sequence.

@@ -41,8 +41,8 @@ fn clean(otb: &Otb) {
     fs::remove_dir_all(folder).unwrap();
 }
 
-/// A box that stays while the object moves k px in frame k: 21 of 30 frames are within 20 px, the mean square is that of
-/// 0 to 29, and the overlap (20 - k) / (20 + k).
+/// A box that stays while the object moves k px in frame k: 21 of 30 frames are within 20 px, the mean square
+/// is that of 0 to 29, and the overlap (20 - k) / (20 + k).
 #[test]
 fn a_still_box_scores_what_geometry_says() {
     let otb = otb("still");

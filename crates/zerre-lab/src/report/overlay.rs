@@ -16,6 +16,8 @@ const WEIGHTS: [Colour; 5] =
 
 /// Frames of a filmstrip, and how many stand side by side.
 const FILM: usize = 12;
+/// Frames that are kept to choose from.
+const KEPT: usize = 48;
 const ACROSS: usize = 4;
 /// Width of its frames, px.
 const CELL: u16 = 300;
@@ -35,8 +37,8 @@ pub struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// The picture at `size` pixels with everything drawn on it: truth green and dashed, box orange or, when the object
-    /// is flagged as lost, red and dashed, particles from dark to bright by weight.
+    /// The picture at `size` pixels with everything drawn on it: truth green and dashed, box orange or, when
+    /// the object is flagged as lost, red and dashed, particles from dark to bright by weight.
     ///
     /// # Errors
     /// A size of zero.
@@ -75,14 +77,15 @@ impl Scene<'_> {
     }
 }
 
-/// The size at which a frame is shown: between `least` and `most` pixels across where it is not, in its proportions.
+/// The size at which a frame is shown: between `least` and `most` pixels across where it is not, in its
+/// proportions.
 pub fn shown((width, height): (usize, usize), least: u16, most: u16) -> [u16; 2] {
     let across = (width as f64).clamp(f64::from(least), f64::from(most.max(least)));
     let down = across * height as f64 / width as f64;
     [across as u16, down.round().clamp(1.0, 8192.0) as u16]
 }
 
-/// A dozen frames spread evenly over a video of unknown length: twice as many are kept at most, at a distance that
+/// A dozen frames spread evenly over a video of unknown length: some more are kept, at a distance that
 /// doubles whenever they become too many.
 #[derive(Clone, Debug)]
 pub struct Film {
@@ -108,7 +111,7 @@ impl Film {
         if !turn {
             return Ok(());
         }
-        if self.kept.len() == 2 * FILM {
+        if self.kept.len() == KEPT {
             let mut place = 0;
             self.kept.retain(|_| {
                 place += 1;
@@ -189,13 +192,13 @@ mod tests {
     #[test]
     fn a_film_has_a_dozen_frames_of_any_video() {
         let estimate = estimate(0.0);
-        for count in [0, 1, 5, 12, 24, 25, 100, 1000] {
+        for count in [0, 1, 5, 12, 13, 48, 49, 100, 1000] {
             let mut film = Film::default();
             for k in 0..count {
                 let frame = zerre_vision::Frame::filled(60, 30, [(k % 200) as u8; 3]);
                 film.see(&scene(&frame, &estimate, &[])).unwrap();
             }
-            assert!(film.kept.len() <= 2 * FILM);
+            assert!(film.kept.len() <= KEPT);
             assert!(count < FILM || film.kept.len() >= FILM, "{count}: {}", film.kept.len());
             let size = film.strip().unwrap().map(|strip| strip.size());
             let rows = count.min(FILM).div_ceil(ACROSS);

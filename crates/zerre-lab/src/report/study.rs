@@ -159,6 +159,8 @@ const LEFT: f64 = 58.0;
 const RIGHT: f64 = 10.0;
 const TOP: f64 = 10.0;
 const BOTTOM: f64 = 40.0;
+/// Pictures of at least so many pixels across have the whole width of the page.
+const BROAD: u16 = 1000;
 /// Columns of a table that have their smaller text beside the larger; of more it stands below.
 const MOST_COLUMNS: usize = 8;
 /// Colours of the palette; further series are dashed.
@@ -170,7 +172,7 @@ const STYLE: &str = ".study .charts{grid-template-columns:repeat(auto-fill,minma
 .study ul.points{max-width:76ch;padding-left:20px;margin:0 0 12px}.study ul.points li{margin:0 0 6px}\
 .study .chart svg .tick text{font-size:12px}svg .reference{stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 3;opacity:.8}\
 .study .chart svg circle{fill:var(--muted);opacity:.55}.study .chart svg circle.front{fill:var(--c0);opacity:1}\
-.study .chart svg .names text{font-size:11.5px;fill:var(--ink)}.study .swatch.spot{width:7px;height:7px;border:0;border-radius:50%;background:var(--c)}.study img{width:100%;height:auto;border:1px solid var(--line);border-radius:8px}svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
+.study .chart svg .names text{font-size:11.5px;fill:var(--ink)}.study .swatch.spot{width:7px;height:7px;border:0;border-radius:50%;background:var(--c)}.study img{width:100%;height:auto;border:1px solid var(--line);border-radius:8px}.study .broad{grid-column:1/-1}svg .spots{stroke:var(--c,var(--ink));stroke-width:6;stroke-linecap:round}";
 
 /// The whole document.
 pub fn render(report: &StudyReport) -> String {
@@ -226,9 +228,10 @@ fn section(out: &mut String, section: &Section) {
 
 fn picture(out: &mut String, picture: &Picture) {
     let Picture { title, file, size: [width, height] } = picture;
+    let broad = if *width >= BROAD { " broad" } else { "" };
     let _ = write!(
         out,
-        "<figure class=\"chart\"><figcaption>{title} <span class=\"unit\">{file}</span></figcaption>\
+        "<figure class=\"chart{broad}\"><figcaption>{title} <span class=\"unit\">{file}</span></figcaption>\
          <img src=\"{file}\" alt=\"{title}\" width=\"{width}\" height=\"{height}\" loading=\"lazy\"/></figure>",
         title = Escaped(title),
         file = Escaped(file),

@@ -57,7 +57,8 @@ impl Video {
             command.args(["-i", &file]);
             header(&file)
         };
-        // Each frame as it is stored: none doubled, none dropped. Every picture comes with its own size before it.
+        // Each frame as it is stored: none doubled, none dropped. Every picture comes with its own size
+        // before it.
         command.args(["-map", "0:v:0"]).args(passthrough()?);
         command.args(["-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "pipe:1"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());

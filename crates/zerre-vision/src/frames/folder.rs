@@ -105,8 +105,8 @@ impl Pictures {
     }
 }
 
-/// The picture in a file as a frame: 16 bits are rounded to 8, grey stands in all three channels, and an alpha channel
-/// is dropped.
+/// The picture in a file as a frame: 16 bits are rounded to 8, grey stands in all three channels, and an
+/// alpha channel is dropped.
 ///
 /// # Errors
 /// A file that cannot be read, is no picture or ends early.
@@ -130,7 +130,8 @@ pub fn png(frame: &Frame) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// A depth picture: one channel of 16 bits, in the unit of its camera (often millimetres; 0 is often "unknown").
+/// A depth picture: one channel of 16 bits, in the unit of its camera (often millimetres; 0 is often
+/// "unknown").
 ///
 /// # Errors
 /// A file that cannot be read, ends early, or has another kind of pixels.
@@ -162,8 +163,9 @@ fn decode(path: &Path) -> Result<DynamicImage> {
     reader.decode().map_err(|error| refuse(format!("it is no readable picture: {error}")))
 }
 
-/// Whether a JPEG file lacks its end. Its decoder would fill what is missing with grey, which a tracker must not see.
-/// The headers are walked up to the first scan; behind it the mark of the end cannot stand for anything else.
+/// Whether a JPEG file lacks its end. Its decoder would fill what is missing with grey, which a tracker must
+/// not see. The headers are walked up to the first scan; behind it the mark of the end cannot stand for
+/// anything else.
 fn is_cut_jpeg(bytes: &[u8]) -> bool {
     let Some(mut rest) = bytes.strip_prefix(&[0xff, 0xd8]) else { return false };
     loop {

@@ -20,7 +20,8 @@ pub struct Shot {
     pub frame: Result<Frame>,
 }
 
-/// The frames of a folder, a video, a camera or a stream, one by one. Only the frame that is handed out is in memory.
+/// The frames of a folder, a video, a camera or a stream, one by one. Only the frame that is handed out is in
+/// memory.
 #[derive(Debug)]
 pub struct Frames {
     source: Source,
@@ -35,7 +36,8 @@ enum Source {
 }
 
 impl Frames {
-    /// Opens a folder of pictures, a video file, a camera (`/dev/video0`) or the address of a stream (`rtsp://...`).
+    /// Opens a folder of pictures, a video file, a camera (`/dev/video0`) or the address of a stream
+    /// (`rtsp://...`).
     ///
     /// # Errors
     /// Nothing under this name, a folder without a picture, a video without a frame, no program `ffmpeg`.

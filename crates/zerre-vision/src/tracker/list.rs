@@ -19,7 +19,8 @@ pub struct Kind {
 }
 
 impl Kind {
-    /// Starts on `bounds` in the first frame. Two streams of one seed give two repetitions of the same experiment.
+    /// Starts on `bounds` in the first frame. Two streams of one seed give two repetitions of the same
+    /// experiment.
     ///
     /// # Errors
     /// A box that no object can be in.

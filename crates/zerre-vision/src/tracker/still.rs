@@ -3,7 +3,8 @@
 use super::{Estimate, Particle, Tracker};
 use crate::{Error, Frame, Rect, Result};
 
-/// A box that never moves. What another tracker gains over it is due to tracking and not to an object at rest.
+/// A box that never moves. What another tracker gains over it is due to tracking and not to an object at
+/// rest.
 #[derive(Clone, Copy, Debug)]
 pub struct Still {
     bounds: Rect,
@@ -18,8 +19,8 @@ impl Still {
 }
 
 impl Tracker for Still {
-    /// It looks at nothing and so knows nothing: the centre may be anywhere on the frame, with equal right, and the
-    /// object there or not.
+    /// It looks at nothing and so knows nothing: the centre may be anywhere on the frame, with equal right,
+    /// and the object there or not.
     fn step(&mut self, frame: &Frame) -> Result<Estimate> {
         if frame.size() != self.size {
             return Err(Error::Size { found: frame.size(), expected: self.size });
