@@ -45,6 +45,7 @@ fn papers_are_listed_and_unknown_ones_refused() {
     assert_eq!(list["papers"][1]["name"], "bayes-family");
     assert_eq!(list["papers"][2]["name"], "extended-target");
     assert_eq!(list["papers"][3]["name"], "swarm");
+    assert_eq!(list["papers"][4]["name"], "video");
     assert!(list["papers"][3]["on_request"].as_array().unwrap().contains(&"variants".into()));
     assert!(
         String::from_utf8(zerre(&here, "reproduce").stdout).unwrap().contains("only on request: variants")
@@ -59,6 +60,8 @@ fn papers_are_listed_and_unknown_ones_refused() {
         ("reproduce swarm --table honst", "honest"),
         ("reproduce swarm --table reading-z", "reading-"),
         ("reproduce swarm --particles 10", "--particles"),
+        ("reproduce video --particles 10", "--particles"),
+        ("reproduce video --table other", "others"),
     ] {
         let output = zerre(&here, line);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -364,6 +367,22 @@ fn recordings_of_extended_targets_are_judged() {
         }
     }
     assert!(here.join("all/table-recorded.csv").exists());
+}
+
+/// A sequence that is not on disk leaves what is printed, and says so.
+#[test]
+fn printed_errors_stand_alone_where_a_sequence_is_missing() {
+    let here = folder("video");
+    let found = json(&here, "reproduce video --table 2 --runs 1 --out all");
+    let rows = found["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 40);
+    for row in rows {
+        assert_eq!((&row["sequence"], &row["value"]), (&"Walking".into(), &"not available".into()));
+        assert!(row["frame"].is_u64() && row["paper_value"].is_f64() && row["low"].is_null(), "{row}");
+    }
+    assert_eq!(found["paper"], "video");
+    let page = fs::read_to_string(here.join("all/report.html")).unwrap();
+    assert!(page.contains("Not available: Walking") && here.join("all/table-2.csv").exists());
 }
 
 /// Swarm filters: columns, printed values, every filter in every world, tables on request, threads, seeds.

@@ -61,9 +61,9 @@ fn followed(settings: &AppearanceSettings, seed: u64, frames: usize) -> Vec<Esti
     (1..frames).map(|k| tracker.step(&frame(k)).unwrap()).collect()
 }
 
-/// With almost all weight on one particle a run may follow a wrong velocity away: the largest error of the middle one of
-/// five runs is held to be below half the shorter side by colours, which hardly say where the middle is, and below a
-/// quarter of it by structure.
+/// With almost all weight on one particle a run may follow a wrong velocity away: the largest error of the
+/// middle one of five runs is held to be below half the shorter side by colours, which hardly say where the
+/// middle is, and below a quarter of it by structure.
 #[test]
 fn every_preset_follows_the_object() {
     for (name, settings) in presets() {
@@ -106,8 +106,8 @@ fn the_cloud_is_what_the_estimate_says() {
     assert_eq!(estimate.covariance[0][1], estimate.covariance[1][0]);
 }
 
-/// Nothing of the object's colours is left in a black frame: D is 1 for every particle, exp(-D^2 / 2 sigma^2) is 0 in
-/// double precision, and the particles keep equal weights all the same.
+/// Nothing of the object's colours is left in a black frame: D is 1 for every particle, exp(-D^2 / 2 sigma^2)
+/// is 0 in double precision, and the particles keep equal weights all the same.
 #[test]
 fn no_resemblance_anywhere_leaves_weights() {
     let mut tracker = start(&AppearanceSettings::rt(), 1);

@@ -115,7 +115,7 @@ fn of(protocol: args::Protocol) -> Protocol {
 }
 
 /// The sequences in the folders, or in folders within them.
-fn sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>, Diagnostic> {
+pub(super) fn sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>, Diagnostic> {
     let refused = |error: zerre_vision::Error| Diagnostic::new(error.to_string());
     let mut found: Vec<Sequence> = Vec::new();
     for folder in folders {

@@ -264,18 +264,15 @@ fn video(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, 
     reproduce(paper, &experiment, video::SETTINGS, (runs, config), (args, options), console)
 }
 
-/// Annotated sequences in the folder that is named, or in `otb` within it or within that of the environment.
+/// Annotated sequences in the folder that is named, or in `otb` within it; without one, in `otb` within that of the
+/// environment, where there is such.
 fn sequences(folder: Option<&Path>) -> Result<Vec<Sequence>, Diagnostic> {
-    let from_environment = std::env::var_os("ZERRE_DATA").map(PathBuf::from);
-    let Some(mut folder) = folder.map(Path::to_owned).or(from_environment) else { return Ok(Vec::new()) };
-    if folder.join("otb").is_dir() {
-        folder = folder.join("otb");
-    }
-    let entries = std::fs::read_dir(&folder).map_err(|error| Diagnostic::io("read", &folder, &error))?;
-    let mut found: Vec<PathBuf> = entries.filter_map(|entry| entry.ok()).map(|entry| entry.path()).collect();
-    found.retain(|path| Sequence::is_in(path));
-    let open = |path: &PathBuf| Sequence::open(path).map_err(|error| Diagnostic::new(error.to_string()));
-    Ok(found.iter().map(open).collect::<Result<Vec<_>, _>>()?.concat())
+    let within = |folder: &Path| Some(folder.join("otb")).filter(|otb| otb.is_dir());
+    let found = match folder {
+        Some(folder) => Some(within(folder).unwrap_or_else(|| folder.to_owned())),
+        None => std::env::var_os("ZERRE_DATA").and_then(|folder| within(Path::new(&folder))),
+    };
+    found.map_or_else(|| Ok(Vec::new()), |folder| super::otb::sequences(&[folder]))
 }
 
 fn unreadable(error: zerre_io::Error) -> Diagnostic {

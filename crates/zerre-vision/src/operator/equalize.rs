@@ -51,10 +51,10 @@ fn tile_table(mut counts: [u32; 256], limit: u32, scale: f32) -> [u8; 256] {
     })
 }
 
-/// Contrast-limited adaptive histogram equalisation (Zuiderveld 1994, Graphics Gems IV), as OpenCV's `createCLAHE`:
-/// the picture is cut into `tiles` = (columns, rows); no grey level of a tile counts for more than `clip_limit` times
-/// its share in a flat histogram, and what is clipped is spread over all levels; the tables of the four nearest tiles
-/// are interpolated at every pixel. A clip limit of 0 clips nothing.
+/// Contrast-limited adaptive histogram equalisation (Zuiderveld 1994, Graphics Gems IV), as OpenCV's
+/// `createCLAHE`: the picture is cut into `tiles` = (columns, rows); no grey level of a tile counts for more
+/// than `clip_limit` times its share in a flat histogram, and what is clipped is spread over all levels; the
+/// tables of the four nearest tiles are interpolated at every pixel. A clip limit of 0 clips nothing.
 ///
 /// # Errors
 /// No tile in a row or a column, or more tiles than pixels; a clip limit that is negative or not finite.
@@ -63,7 +63,8 @@ pub fn clahe(image: &Image<u8>, clip_limit: f64, tiles: (usize, usize)) -> Resul
     Ok(Clahe::new(image.size(), clip_limit, tiles)?.part(image, (0, 0), whole))
 }
 
-/// [`clahe`] of parts of pictures: a part is what it is in the whole, and only the tiles about it are looked at.
+/// [`clahe`] of parts of pictures: a part is what it is in the whole, and only the tiles about it are looked
+/// at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clahe {
     size: (usize, usize),
@@ -106,8 +107,8 @@ impl Clahe {
                 });
             }
         }
-        // OpenCV lets a picture that the tiles do not divide grow in both directions, in one of them by a whole tile
-        // row.
+        // OpenCV lets a picture that the tiles do not divide grow in both directions, in one of them by a
+        // whole tile row.
         let divides = width % tiles.0 == 0 && height % tiles.1 == 0;
         let grown = |side: usize, tiles: usize| if divides { side } else { side + tiles - side % tiles };
         let tile = (grown(width, tiles.0) / tiles.0, grown(height, tiles.1) / tiles.1);
@@ -125,8 +126,8 @@ impl Clahe {
         [about(x, width, self.tile.0, self.tiles.0), about(y, height, self.tile.1, self.tiles.1)]
     }
 
-    /// The pixels that decide what the part `[x, y, width, height]` of a picture becomes, in the same form. The part
-    /// lies in the picture.
+    /// The pixels that decide what the part `[x, y, width, height]` of a picture becomes, in the same form.
+    /// The part lies in the picture.
     pub fn reach(&self, part: [usize; 4]) -> [usize; 4] {
         let [columns, rows] = self.tiles_about(part);
         let pixels = |tiles: Range<usize>, side: usize, all: usize| {
@@ -141,8 +142,8 @@ impl Clahe {
         [x, y, width, height]
     }
 
-    /// The part `[x, y, width, height]` of the equalised picture. `image` is the picture from the column and row of
-    /// `origin` on, and shows at least what [`Clahe::reach`] says; beyond its border it goes on.
+    /// The part `[x, y, width, height]` of the equalised picture. `image` is the picture from the column and
+    /// row of `origin` on, and shows at least what [`Clahe::reach`] says; beyond its border it goes on.
     pub fn part(&self, image: &Image<u8>, origin: (usize, usize), part: [usize; 4]) -> Image<u8> {
         dispatch!(Level::new(), _simd => self.part_here(image, origin, part))
     }

@@ -48,7 +48,8 @@ pub fn crop<P: Copy>(image: &Image<P>, x: isize, y: isize, width: usize, height:
     part
 }
 
-/// Fills `to` with values of the pixels of `row` from number `at` on; beyond its ends with those of the nearest pixel.
+/// Fills `to` with values of the pixels of `row` from number `at` on; beyond its ends with those of the
+/// nearest pixel.
 pub(crate) fn extended<P: Copy, Q: Copy>(row: &[P], at: isize, to: &mut [Q], value: impl Fn(P) -> Q) {
     let (Some(&first), Some(&last)) = (row.first(), row.last()) else { return };
     let before = at.min(0).unsigned_abs().min(to.len());

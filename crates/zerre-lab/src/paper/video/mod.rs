@@ -1,8 +1,9 @@
-//! Tracking by structural similarity: the paper's tables beside ours, run many times, and all other trackers beside.
+//! Tracking by structural similarity: the paper's tables beside ours, run many times, and all other trackers
+//! beside.
 //!
-//! A [`Request`] names tables; each [`Cell`] is one run of one tracker on one sequence, and [`VideoTrackers`] is all of
-//! it as an [`Experiment`]. Sequences are not part of the program: those of a folder are used, and what is printed of
-//! others stands there without a number of ours.
+//! A [`Request`] names tables; each [`Cell`] is one run of one tracker on one sequence, and [`VideoTrackers`]
+//! is all of it as an [`Experiment`]. Sequences are not part of the program: those of a folder are used, and
+//! what is printed of others stands there without a number of ours.
 
 mod pictures;
 pub mod printed;
@@ -225,11 +226,12 @@ impl Experiment for VideoTrackers {
         let results = Results::new(self, outcomes, timing);
         let rows = results.rows();
         let estimates = rows.iter().filter(|row| row.metric != "fps").filter_map(Row::numbers).flatten();
-        let (pictures, files) = self.pictures()?;
+        let painted = self.pictures()?;
+        let pictures = painted.iter().map(|one| one.picture.clone()).collect();
         Ok(Finished {
             estimates: estimates.collect(),
             tables: results.tables(),
-            files,
+            files: painted.into_iter().map(|one| (one.picture.file, one.bytes)).collect(),
             page: results.page(pictures, interrupted),
             mishaps: vec![
                 Mishap {

@@ -29,8 +29,8 @@ impl Results<'_> {
             sections.push(Section {
                 title: "Particles and weights".to_owned(),
                 paragraphs: vec![format!(
-                    "Run {}: the truth in white, the estimate in green; particles from blue (no weight) to red (the \
-                     largest weight of the frame).",
+                    "Run {}: the truth green and dashed, the box orange, or red and dashed where it is flagged as lost; particles \
+                     from dark to bright by weight.",
                     PICTURED_RUN + 1
                 )],
                 pictures,

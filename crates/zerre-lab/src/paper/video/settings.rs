@@ -1,5 +1,5 @@
-//! What the reproduction of the structural trackers assumes beside the trackers' own settings, which are the presets of
-//! `AppearanceSettings`.
+//! What the reproduction of the structural trackers assumes beside the trackers' own settings, which are the
+//! presets of `AppearanceSettings`.
 
 /// The text of this file, so that a report can say by which settings, to the letter, it was made.
 pub const SOURCE: &str = include_str!("settings.rs");
@@ -19,3 +19,5 @@ pub const PICTURED_RUN: usize = 0;
 pub const PICTURED_TRACKERS: [&str; 2] = ["rt", "massimahe"];
 /// ... and the frames of sequences, from 1.
 pub const PICTURED: [(&str, &[usize]); 2] = [("FaceOcc1", &[100, 300, 550]), ("Suv", &[150, 540, 700])];
+/// Width of the pictures, pixels.
+pub const PICTURED_WIDTH: u16 = 480;

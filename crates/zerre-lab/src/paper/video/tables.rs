@@ -171,8 +171,8 @@ impl<'a> Results<'a> {
                     let error = |o: &Outcome| o.rmse_at.iter().find(|(k, _)| *k == frame).map(|(_, e)| *e);
                     let Some((found, runs)) = self.mean((at, tracker), Over::All, error) else { continue };
                     let paper_value = printed.rmse(table, sequence, Some(frame), kind.name);
-                    rows.push(row(sequence, kind.name, Some(frame), ("rmse_px", "mean"), found, runs));
-                    rows.iter_mut().rev().take(1).for_each(|row| row.paper_value = paper_value);
+                    let row = row(sequence, kind.name, Some(frame), ("rmse_px", "mean"), found, runs);
+                    rows.push(Row { paper_value, ..row });
                 }
             }
         }
@@ -247,8 +247,8 @@ impl<'a> Results<'a> {
         tables
     }
 
-    /// Of the printed whole-sequence errors that ours can be held against: tracker, sequence, printed, ours over all
-    /// runs and over those that kept the object, share of lost runs.
+    /// Of the printed whole-sequence errors that ours can be held against: tracker, sequence, printed, ours
+    /// over all runs and over those that kept the object, share of lost runs.
     pub(super) fn beside(&self) -> Vec<Beside> {
         let rows = self.of_table("3");
         let find = |of: &Row, metric: &str, statistic: &str| {

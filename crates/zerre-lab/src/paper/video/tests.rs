@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use zerre_vision::Frame;
 use zerre_vision::frames::folder::png;
 
-/// A sequence of 12 frames in which a textured box moves by two pixels a frame, in a folder of the test's own.
+/// A sequence of 12 frames in which a textured box moves by two pixels a frame, in a folder of the test's
+/// own.
 fn sequence(name: &str, test: &str) -> Sequence {
     let folder =
         std::env::temp_dir().join(format!("zerre-paper-video-{}-{test}", std::process::id())).join(name);

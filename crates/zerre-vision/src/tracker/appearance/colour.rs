@@ -1,5 +1,5 @@
-//! Colour histograms of many boxes of one frame, and their Bhattacharyya coefficients (Dilmen and Talu 2017, equations 18
-//! and 19).
+//! Colour histograms of many boxes of one frame, and their Bhattacharyya coefficients (Dilmen and Talu 2017,
+//! equations 18 and 19).
 
 use super::place::Place;
 
@@ -26,7 +26,8 @@ impl Bins {
     }
 }
 
-/// Memory that boxes use one after the other: the counts of two halves, because adding to one bin again has to wait.
+/// Memory that boxes use one after the other: the counts of two halves, because adding to one bin again has
+/// to wait.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Counts([Vec<u32>; 2]);
 
@@ -89,7 +90,8 @@ impl ColourTemplate {
         self.roots = held.map(|(bin, share)| (bin as u16, share.sqrt())).collect();
     }
 
-    /// The Bhattacharyya coefficient with the histogram of a box that begins at column `x` and row `y`; from 0 to 1.
+    /// The Bhattacharyya coefficient with the histogram of a box that begins at column `x` and row `y`; from
+    /// 0 to 1.
     pub(super) fn similarity(
         &self,
         seen: &Bins,

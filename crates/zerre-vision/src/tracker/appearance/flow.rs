@@ -9,8 +9,8 @@ const CORNERS: Corners = Corners { count: 100, quality: 0.3, distance: 7.0, side
 const TRACKER: LucasKanade =
     LucasKanade { side: 15, levels: 2, iterations: 10, tolerance: 0.03, min_eigenvalue: 0.1024 };
 
-/// Pixels about the box that flow looks at. Corners that move further, or windows that reach beyond, see the border of
-/// this part instead of the frame; all else is as if the whole frame had been looked at.
+/// Pixels about the box that flow looks at. Corners that move further, or windows that reach beyond, see the
+/// border of this part instead of the frame; all else is as if the whole frame had been looked at.
 const REACH: usize = 48;
 
 /// Corners of a frame, to be found again in the next one.

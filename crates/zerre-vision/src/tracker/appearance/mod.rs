@@ -1,10 +1,11 @@
-//! Particle filters that look for a box which resembles a template: Dilmen and Talu, *A particle filter that uses structural
-//! similarity for tracking*, 2017. The paper's five trackers are settings of one: RT and FRT compare colour histograms,
-//! SSIM, SSIMFAHE and MASSIMAHE grey values.
+//! Particle filters that look for a box which resembles a template: Dilmen and Talu, *A particle filter that
+//! uses structural similarity for tracking*, 2017. The paper's five trackers are settings of one: RT and FRT
+//! compare colour histograms, SSIM, SSIMFAHE and MASSIMAHE grey values.
 //!
-//! Each particle is a box with a velocity. It moves by a first-order autoregression, which optical flow may lead, and is
-//! weighed by N(D; 0, sigma^2), D being one less its similarity with the template. With the paper's sigma of 0.01 that
-//! underflows for almost every box of a real frame: weights are logarithms here, and the sum is never zero.
+//! Each particle is a box with a velocity. It moves by a first-order autoregression, which optical flow may
+//! lead, and is weighed by N(D; 0, sigma^2), D being one less its similarity with the template. With the
+//! paper's sigma of 0.01 that underflows for almost every box of a real frame: weights are logarithms here,
+//! and the sum is never zero.
 
 mod colour;
 mod flow;
@@ -37,9 +38,9 @@ const USUAL_FRAMES: u32 = 10;
 ///
 /// The score is that of the estimated box: the Bhattacharyya coefficient or the mean structural similarity.
 ///
-/// The paper knows no object that is lost. [`Estimate::p_lost`] is a rule here and no calibrated probability: 0 where the
-/// score is what it was on average in the first ten frames, 1 where it is what the eight boxes around the object scored
-/// in the first frame, and straight in between.
+/// The paper knows no object that is lost. [`Estimate::p_lost`] is a rule here and no calibrated probability:
+/// 0 where the score is what it was on average in the first ten frames, 1 where it is what the eight boxes
+/// around the object scored in the first frame, and straight in between.
 #[derive(Debug)]
 pub struct AppearanceTracker {
     settings: AppearanceSettings,
@@ -62,11 +63,12 @@ pub struct AppearanceTracker {
 }
 
 impl AppearanceTracker {
-    /// A tracker of what is in `bounds` on `frame`. One stream gives the same answers for any number of threads.
+    /// A tracker of what is in `bounds` on `frame`. One stream gives the same answers for any number of
+    /// threads.
     ///
     /// # Errors
-    /// A setting out of its range; a box of less than 2 x 2 pixels, one that is larger than the frame, or one with its
-    /// centre beyond the frame.
+    /// A setting out of its range; a box of less than 2 x 2 pixels, one that is larger than the frame, or one
+    /// with its centre beyond the frame.
     pub fn start(
         frame: &Frame,
         bounds: Rect,

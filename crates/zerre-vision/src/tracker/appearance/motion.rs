@@ -8,9 +8,9 @@ use zerre::{Result, Time};
 /// Components of the state: x and y of the centre, their velocities u and v, width and height.
 pub(super) const STATE: usize = 6;
 
-/// x_k = A x_{k-1} + noise (Dilmen and Talu 2017, equation 15), once per frame: the centre moves by the velocity, which
-/// keeps its share, and the logarithms of the sides wander. The flow of the frame enters as the settings say. Centres stay on
-/// the frame, beyond which nothing can be seen.
+/// x_k = A x_{k-1} + noise (Dilmen and Talu 2017, equation 15), once per frame: the centre moves by the
+/// velocity, which keeps its share, and the logarithms of the sides wander. The flow of the frame enters as
+/// the settings say. Centres stay on the frame, beyond which nothing can be seen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoxMotion {
     /// What stands in for every velocity.

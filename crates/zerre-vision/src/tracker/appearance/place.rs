@@ -12,8 +12,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The box of a state; `None` where there is nothing to be seen: a centre beyond the frame, a box larger than the
-    /// frame.
+    /// The box of a state; `None` where there is nothing to be seen: a centre beyond the frame, a box larger
+    /// than the frame.
     pub(super) fn of(state: [f64; STATE], (columns, rows): (usize, usize)) -> Option<Place> {
         let [x, y, _, _, width, height] = state;
         let (columns, rows) = (columns as f64, rows as f64);
@@ -48,7 +48,8 @@ impl Place {
         })
     }
 
-    /// It with `margin` pixels more on every side, as far as they are on the frame: at least the pixel nearest to it.
+    /// It with `margin` pixels more on every side, as far as they are on the frame: at least the pixel
+    /// nearest to it.
     pub(super) fn on_frame(self, margin: usize, (columns, rows): (usize, usize)) -> Place {
         let (margin, columns, rows) = (margin as isize, columns as isize, rows as isize);
         let x = (self.x - margin).clamp(0, columns - 1);

@@ -77,8 +77,8 @@ impl AppearanceSettings {
         Ok((merge([&red?, &green?, &blue?])?, wider))
     }
 
-    /// The part of the smoothed and equalised grey frame that `region` sees, and where it lies: as it is in the whole
-    /// frame, of which no more is computed than decides it.
+    /// The part of the smoothed and equalised grey frame that `region` sees, and where it lies: as it is in
+    /// the whole frame, of which no more is computed than decides it.
     fn greys(&self, frame: &Frame, region: Place) -> Result<(Image<u8>, Place)> {
         let seen = region.on_frame(0, frame.size());
         let Some(Equalisation { clip, tiles }) = self.equalisation else {
@@ -183,8 +183,8 @@ impl Template {
     }
 }
 
-/// The image likelihood p(frame | box) = N(D; 0, sigma^2) (Dilmen and Talu 2017, equation 17), D being one less the
-/// similarity with the template, or its root.
+/// The image likelihood p(frame | box) = N(D; 0, sigma^2) (Dilmen and Talu 2017, equation 17), D being one
+/// less the similarity with the template, or its root.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Resemblance<'a> {
     template: &'a Template,
@@ -248,7 +248,8 @@ impl<'a> Resemblance<'a> {
                 Ok(())
             }
             Template::Structure(template) => {
-                // The same code for every SIMD level, which the compiler widens; no result depends on the width.
+                // The same code for every SIMD level, which the compiler widens; no result depends on the
+                // width.
                 dispatch!(Level::new(), _simd => structures(template, region, memory))
             }
         }
@@ -305,7 +306,8 @@ impl Likelihood<STATE> for Resemblance<'_> {
             let state = |i: usize| states.map(|column| column[i]);
             memory.places.extend((0..out.len()).map(|i| Place::of(state(i), frame.size())));
             if resemblance.compare(frame, memory).is_err() {
-                // Parameters were held to be right when the tracker started; the filter counts what is no number.
+                // Parameters were held to be right when the tracker started; the filter counts what is no
+                // number.
                 return out.fill(f64::NAN);
             }
             for (score, similarity) in out.iter_mut().zip(&memory.similarities) {

@@ -4,38 +4,39 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use zerre::resample::{Resampling, Trigger};
 
-/// Settings of an [`AppearanceTracker`](super::AppearanceTracker). The presets hold what the paper says; where it says
-/// nothing they hold a reading, which the fields name.
+/// Settings of an [`AppearanceTracker`](super::AppearanceTracker). The presets hold what the paper says;
+/// where it says nothing they hold a reading, which the fields name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct AppearanceSettings {
     /// What makes a box resemble the object.
     pub similarity: Similarity,
-    /// Side of the Gaussian kernel that smooths the frame first, odd; `None`: not smoothed. The paper names no size;
-    /// 5 is the reading.
+    /// Side of the Gaussian kernel that smooths the frame first, odd; `None`: not smoothed. The paper names
+    /// no size; 5 is the reading.
     pub blur: Option<usize>,
     /// Adaptive equalisation of the grey frame after that; `None`: the grey values as they are.
     pub equalisation: Option<Equalisation>,
-    /// What becomes of the template after the first frame. The paper takes it from the first frame and mentions no
-    /// update, so it stays as it is.
+    /// What becomes of the template after the first frame. The paper takes it from the first frame and
+    /// mentions no update, so it stays as it is.
     pub template: TemplateUpdate,
     /// Number of particles; the paper's is 70.
     pub particles: usize,
     /// sigma of the likelihood N(D; 0, sigma^2) of equation 17; the paper's is 0.01.
     pub sigma: f64,
-    /// What optical flow does to the particles. The paper uses it "for the velocity of the particles" in the section on
-    /// the structural trackers, so the colour trackers go without.
+    /// What optical flow does to the particles. The paper uses it "for the velocity of the particles" in the
+    /// section on the structural trackers, so the colour trackers go without.
     pub flow: FlowUse,
-    /// Share of its velocity that a particle keeps from frame to frame: A of equation 15. The paper gives no A;
-    /// 1 (constant velocity) is the reading, 0 is a random walk.
+    /// Share of its velocity that a particle keeps from frame to frame: A of equation 15. The paper gives no
+    /// A; 1 (constant velocity) is the reading, 0 is a random walk.
     pub velocity_kept: f64,
-    /// Standard deviation that a frame adds to each coordinate of the centre. The paper gives none; a tenth of the
-    /// box's side is the reading.
+    /// Standard deviation that a frame adds to each coordinate of the centre. The paper gives none; a tenth
+    /// of the box's side is the reading.
     pub position_noise: Deviation,
-    /// Standard deviation that a frame adds to each component of the velocity, pixels per frame; 1 is the reading.
+    /// Standard deviation that a frame adds to each component of the velocity, pixels per frame; 1 is the
+    /// reading.
     pub velocity_noise: f64,
-    /// Standard deviation that a frame adds to the logarithm of the width and of the height. The paper's state has
-    /// them, but its trackers never change them: 0, a box of fixed size, is the reading.
+    /// Standard deviation that a frame adds to the logarithm of the width and of the height. The paper's
+    /// state has them, but its trackers never change them: 0, a box of fixed size, is the reading.
     pub size_noise: f64,
     /// How survivors are drawn; the paper does not say.
     pub resampling: Resampling,
@@ -51,32 +52,33 @@ pub enum Similarity {
     Colour {
         /// Bins of each of red, green and blue; the paper's are 8.
         bins: usize,
-        /// Whether D is sqrt(1 - BC), a metric and what OpenCV computes, instead of 1 - BC as the paper prints.
+        /// Whether D is sqrt(1 - BC), a metric and what OpenCV computes, instead of 1 - BC as the paper
+        /// prints.
         root: bool,
     },
     /// Mean structural similarity of the grey values (equations 10 and 14).
     Structure {
-        /// Side of the square of equal weights over which local means are taken, pixels; at most the box's shorter
-        /// side. 7 is the reading.
+        /// Side of the square of equal weights over which local means are taken, pixels; at most the box's
+        /// shorter side. 7 is the reading.
         window: usize,
-        /// alpha, beta and gamma of equation 10, the powers of luminance, contrast and structure. With 1, 1, 1 it is
-        /// equation 14. A negative structure keeps its sign under any power.
+        /// alpha, beta and gamma of equation 10, the powers of luminance, contrast and structure. With 1, 1,
+        /// 1 it is equation 14. A negative structure keeps its sign under any power.
         exponents: [f64; 3],
         /// How the middle of the box counts more than its border.
         centre: CentreWeight,
     },
 }
 
-/// How the middle of a box counts more than its border: by a Gaussian as wide as the box, with OpenCV's standard
-/// deviation for its size, 0.3 ((side - 1) / 2 - 1) + 0.8, and 1 in the middle.
+/// How the middle of a box counts more than its border: by a Gaussian as wide as the box, with OpenCV's
+/// standard deviation for its size, 0.3 ((side - 1) / 2 - 1) + 0.8, and 1 in the middle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CentreWeight {
     /// It does not.
     #[default]
     None,
-    /// Both patches are multiplied by the Gaussian before they are compared, as the paper says. Where both are nearly
-    /// black they are alike, which brings D near to 0 for every box.
+    /// Both patches are multiplied by the Gaussian before they are compared, as the paper says. Where both
+    /// are nearly black they are alike, which brings D near to 0 for every box.
     Multiplied,
     /// The mean over the map of similarity is weighted instead.
     Map,

@@ -1,8 +1,8 @@
-//! Structural similarity of many boxes of one frame (Wang, Bovik, Sheikh and Simoncelli, IEEE Transactions on Image
-//! Processing 13(4), 2004; Dilmen and Talu 2017, equations 10 and 14).
+//! Structural similarity of many boxes of one frame (Wang, Bovik, Sheikh and Simoncelli, IEEE Transactions on
+//! Image Processing 13(4), 2004; Dilmen and Talu 2017, equations 10 and 14).
 //!
-//! Local means and variances of the frame belong to its pixels and not to a box: they are computed once for all boxes,
-//! and a box adds the local means of its products with the template alone.
+//! Local means and variances of the frame belong to its pixels and not to a box: they are computed once for
+//! all boxes, and a box adds the local means of its products with the template alone.
 
 use super::settings::CentreWeight;
 use crate::Image;
@@ -14,8 +14,8 @@ const LANES: usize = 8;
 const C1: f32 = 6.5025;
 const C2: f32 = 58.5225;
 
-/// Grey values of a rectangle, from 0 to 255, in rows of `stride`. Behind the columns that count, and behind the last
-/// row, there is room to read whole lanes.
+/// Grey values of a rectangle, from 0 to 255, in rows of `stride`. Behind the columns that count, and behind
+/// the last row, there is room to read whole lanes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Plane {
     pub(super) stride: usize,
@@ -263,8 +263,8 @@ impl StructureTemplate {
         self.prepare();
     }
 
-    /// Mean structural similarity with the box of the template's size whose upper left corner is column `x` and row `y`
-    /// of `plane`, which has these moments; from -1 to 1.
+    /// Mean structural similarity with the box of the template's size whose upper left corner is column `x`
+    /// and row `y` of `plane`, which has these moments; from -1 to 1.
     #[inline(always)]
     pub(super) fn similarity(
         &self,
@@ -391,8 +391,8 @@ mod tests {
         plane
     }
 
-    /// Sums of grey values are exact in single precision; a covariance of up to 2^14 then has an error of 2^-10, against
-    /// C2 = 58: 2e-5 in the worst square.
+    /// Sums of grey values are exact in single precision; a covariance of up to 2^14 then has an error of
+    /// 2^-10, against C2 = 58: 2e-5 in the worst square.
     #[test]
     fn similarities_are_those_of_the_operator() {
         let scene = picture(50, 41, 1);
@@ -423,8 +423,8 @@ mod tests {
         }
     }
 
-    /// A weighted map is what the operator's map gives under the same Gaussian; a patch under a Gaussian is nearly black at
-    /// its border, where all are alike.
+    /// A weighted map is what the operator's map gives under the same Gaussian; a patch under a Gaussian is
+    /// nearly black at its border, where all are alike.
     #[test]
     fn the_middle_counts_more() {
         let (seen, other) = (picture(21, 17, 3), picture(21, 17, 4));
