@@ -338,6 +338,7 @@ Examples:
   zerre video clip.mp4 --box 120,80,40,60                 x, y, width, height in pixels of the first frame
   zerre video frames/ --box 120,80,40,60 --overlay seen.gif
   zerre video otb/Girl                                    an annotated sequence brings its box and its truth
+  zerre video clip.mp4                                    with a display: a page opens to draw the box on
   zerre video clip.mp4 --truth boxes.txt --overlay seen.mp4
   zerre video /dev/video0 --box 200,120,80,80             a camera, until Ctrl-C
   zerre video rtsp://host/stream --box 200,120,80,80
@@ -354,7 +355,7 @@ report.html with film.png, run.json. p_lost is the probability that the box is n
 pub struct Video {
     /// Folder of pictures, annotated sequence, video file, camera or address of a stream
     pub input: String,
-    /// Where the object is in the first frame, px [default: the first box of the truth]
+    /// Where the object is in the first frame, px [default: the first box of the truth, or drawn by hand]
     #[arg(long = "box", value_name = "x,y,w,h", allow_hyphen_values = true, value_parser = bounds)]
     pub bounds: Option<Rect>,
     /// Tracker, a name of `zerre catalog trackers` [default: the first of them]
@@ -371,7 +372,8 @@ pub struct Video {
     pub strict: bool,
 }
 
-fn bounds(text: &str) -> Result<Rect, String> {
+/// A box from its four numbers.
+pub fn bounds(text: &str) -> Result<Rect, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x, y, width, height]) => Ok(Rect { x, y, width, height }),

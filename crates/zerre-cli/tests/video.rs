@@ -2,8 +2,10 @@
 
 use serde_json::Value;
 use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use zerre_vision::frames::folder::png;
 use zerre_vision::{Frame, Image};
 
@@ -64,7 +66,7 @@ fn sequence(inside: &Path, count: usize) -> PathBuf {
 fn zerre(inside: &Path, line: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_zerre"));
     command.current_dir(inside).args(line.split_whitespace());
-    command.output().unwrap()
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap()
 }
 
 fn text(bytes: &[u8]) -> &str {
@@ -293,4 +295,52 @@ fn real_sequences_are_scored() {
     // Deer leaps about: a box that stays meets it now and then, and in no half of the frames.
     let precision = row["precision20"].as_f64().unwrap();
     assert!(precision > 0.0 && precision < 0.5, "{precision}");
+}
+
+/// Asks the page's server, as a browser does.
+fn ask(address: &str, request: &str) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+/// With a display and without a box, a page shows the first frame; a bad box is refused there, a good one followed.
+#[test]
+fn a_box_can_be_drawn() {
+    let here = folder("drawn");
+    let seq = sequence(&here, 4);
+    fs::remove_file(seq.join("groundtruth_rect.txt")).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_zerre"))
+        .args(["video", "seq", "--out", "out"])
+        .current_dir(&here)
+        .env("DISPLAY", ":none")
+        .env("PATH", "")
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let line = lines.find(|line| line.as_ref().is_ok_and(|l| l.contains("http://"))).unwrap().unwrap();
+    let address = line.split("http://").nth(1).unwrap().split('/').next().unwrap().to_owned();
+    let get =
+        |path: &str| ask(&address, &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"));
+    let post = |body: &str| {
+        let length = body.len();
+        ask(
+            &address,
+            &format!(
+                "POST /box HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n{body}"
+            ),
+        )
+    };
+    assert!(get("/").contains("Which object?"));
+    assert!(get("/frame.png").contains("PNG") && get("/other").starts_with("HTTP/1.1 404"));
+    assert!(post("1,2,3").contains("four numbers") && post("500,2,9,9").contains("outside the frame"));
+    assert!(post("20,24,16,16").starts_with("HTTP/1.1 200"));
+    assert!(child.wait().unwrap().success());
+    let boxes = fs::read_to_string(here.join("out/boxes.csv")).unwrap();
+    assert_eq!(boxes.lines().count(), 5);
+    assert!(boxes.lines().nth(1).unwrap().starts_with("0,20,24,16,16,"), "{boxes}");
 }

@@ -27,6 +27,8 @@ pub struct Frames {
     source: Source,
     next: usize,
     size: Option<(usize, usize)>,
+    /// A frame that was looked at and not taken.
+    peeked: Option<Shot>,
 }
 
 #[derive(Debug)]
@@ -51,12 +53,20 @@ impl Frames {
                            as /dev/video0 or an address such as rtsp://host/stream is needed";
             return Err(Error::Input { input: input.to_owned(), problem: problem.to_owned() });
         }
-        Ok(Frames { source: Source::Video(Video::open(input)?), next: 0, size: None })
+        Ok(Frames { source: Source::Video(Video::open(input)?), next: 0, size: None, peeked: None })
     }
 
     /// The frames of a list of pictures.
     pub fn of_pictures(pictures: Pictures) -> Frames {
-        Frames { source: Source::Pictures(pictures), next: 0, size: None }
+        Frames { source: Source::Pictures(pictures), next: 0, size: None, peeked: None }
+    }
+
+    /// The next frame, which stays the next one.
+    pub fn peek(&mut self) -> Option<&Shot> {
+        if self.peeked.is_none() {
+            self.peeked = self.next();
+        }
+        self.peeked.as_ref()
     }
 
     /// How many frames there are, where that is known before the end: of videos, what their header claims.
@@ -96,6 +106,9 @@ impl Iterator for Frames {
     type Item = Shot;
 
     fn next(&mut self) -> Option<Shot> {
+        if let Some(shot) = self.peeked.take() {
+            return Some(shot);
+        }
         let index = self.next;
         let (name, read) = match &mut self.source {
             Source::Pictures(pictures) => {

@@ -1,5 +1,6 @@
 //! `zerre video`: one object through a video.
 
+mod choose;
 mod open;
 mod overlay;
 

@@ -1,5 +1,6 @@
 //! What is followed: frames, the truth of them, and the first box.
 
+use super::choose;
 use crate::args::Video;
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
@@ -71,7 +72,7 @@ pub(super) fn open(args: &Video, console: &Console) -> Result<Opened, Diagnostic
             let what = "the truth has no box to start from";
             return Err(Diagnostic::new(what).help("say where the object is with --box x,y,w,h"));
         }
-        (None, None) => return Err(no_box(&mut frames)),
+        (None, None) => (0, chosen(&mut frames, console)?),
     };
     for _ in 0..first {
         frames.next();
@@ -98,17 +99,19 @@ fn sequence(args: &Video, folder: &Path) -> Result<Option<Sequence>, Diagnostic>
     Ok(if found.len() == 1 { found.pop() } else { None })
 }
 
-fn no_box(frames: &mut Frames) -> Diagnostic {
-    let size = match frames.next().map(|shot| shot.frame) {
+/// The box that somebody draws on the first frame; without a display, what to do.
+fn chosen(frames: &mut Frames, console: &Console) -> Result<Rect, Diagnostic> {
+    let size = match frames.peek().map(|shot| &shot.frame) {
+        Some(Ok(frame)) if choose::has_display() => return choose::ask(frame, console),
         Some(Ok(frame)) => format!(", which has {} x {}", frame.width(), frame.height()),
-        Some(Err(error)) => return refused(error),
+        Some(Err(error)) => return Err(Diagnostic::new(error.to_string())),
         None => String::new(),
     };
-    Diagnostic::new("there is no box: which object shall be followed?")
+    Err(Diagnostic::new("there is no box: which object shall be followed?")
         .help(format!(
             "give --box x,y,w,h in pixels of the first frame{size}: x and y of the upper left corner, width, height"
         ))
-        .help("or --truth with a box a line, the first of which is taken")
+        .help("or --truth with a box a line, the first of which is taken; with a display it can be drawn by hand"))
 }
 
 /// All pictures of a folder as one input, one after the other.
