@@ -53,8 +53,6 @@ const DOUBT: (f64, f64) = (-3.0, -1.0);
 const LEAST_RESPONSE: f32 = 1e-6;
 /// Standard deviation of the first particles, in sizes of the object: the first box is as good as drawn by hand.
 const START_SD: f64 = 0.01;
-/// Most frames that the place of a lost object wanders more with each.
-const WIDENING: f64 = 20.0;
 
 /// Runs `f` compiled for the widest registers of this processor. Nothing in it may depend on their width.
 #[inline(always)]
@@ -371,8 +369,7 @@ impl Tracker for CorrelationTracker {
         }
         let p_lost = self.visibility.update(&signs);
         let lost = self.visibility.is_lost();
-        let widening = (self.unseen as f64).min(WIDENING);
-        let sd = self.settings.motion_sd * self.size() * (1.0 + widening).sqrt();
+        let sd = self.settings.motion_sd * self.size();
         let sensor = Responses { sharpness: if lost { 0.0 } else { self.settings.sharpness } };
         let rules = rules(found, sd, sensor, &self.filter)?;
         if was_lost && !lost {
@@ -396,8 +393,14 @@ impl Tracker for CorrelationTracker {
         }
         let mut covariance = self.cloud().covariance().0;
         let spread = (self.settings.box_sd * self.size()).square();
+        // An object in the frame is at least as well known as one that may be anywhere in it.
+        let anywhere = [self.frame.0, self.frame.1].map(|side| (side as f64).square() / 12.0);
         for k in 0..2 {
             covariance[k][k] += spread;
+            let shrink = (anywhere[k] / covariance[k][k]).min(1.0).sqrt();
+            covariance[k][k] *= shrink * shrink;
+            covariance[0][1] *= shrink;
+            covariance[1][0] *= shrink;
         }
         Ok(Estimate { bounds: self.bounds(), covariance, score: signs.followed, p_lost })
     }
