@@ -2,6 +2,7 @@
 
 use super::settings::TOLERANCE;
 use super::{Cell, OTHERS, Outcome, PAPER, Timing, VideoTrackers};
+use crate::metric::wilson_interval;
 use crate::study::interval::{Estimate, mean_interval};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
@@ -113,6 +114,14 @@ impl<'a> Results<'a> {
     }
 
     fn measured(&self, place: (usize, usize), metric: &str, over: Over) -> Option<(Estimate, usize)> {
+        if metric == "lost_share" {
+            // A share of runs: each is lost or not.
+            let runs = self.runs.get(&place)?.iter().filter_map(|run| run.scores.as_ref());
+            let lost: Vec<bool> = runs.map(|scores| scores.lost > 0).collect();
+            let count = lost.iter().filter(|lost| **lost).count();
+            let (low, high) = wilson_interval(count, lost.len(), 0.95).ok()?;
+            return Some((Estimate { value: count as f64 / lost.len() as f64, low, high }, lost.len()));
+        }
         self.mean(place, over, |outcome| {
             let scores = outcome.scores.as_ref()?;
             Some(match metric {
@@ -120,7 +129,6 @@ impl<'a> Results<'a> {
                 "precision20" => scores.precision20(),
                 "success_auc" => scores.success_auc(),
                 "iou" => scores.iou(),
-                "lost_share" => scores.lost_share(),
                 _ => outcome.doubts.coverage95(),
             })
         })
