@@ -264,8 +264,8 @@ impl CorrelationTracker {
         self.signs
     }
 
-    fn bounds(&self) -> Rect {
-        Rect::about(self.centre, self.first_box.0 * self.scale, self.first_box.1 * self.scale)
+    fn bounds_about(&self, centre: [f64; 2]) -> Rect {
+        Rect::about(centre, self.first_box.0 * self.scale, self.first_box.1 * self.scale)
     }
 
     /// Root of the box's area, pixels.
@@ -285,7 +285,7 @@ impl CorrelationTracker {
     }
 
     fn learn(&mut self, frame: &Frame, share: f64) {
-        let (window, size, bounds) = (self.window(self.centre), self.cells(), self.bounds());
+        let (window, size, bounds) = (self.window(self.centre), self.cells(), self.bounds_about(self.centre));
         self.looks.learn(frame, window, size, share as f32);
         self.sizes.learn(frame, bounds, share as f32);
     }
@@ -384,7 +384,7 @@ impl Tracker for CorrelationTracker {
             self.centre = self.on_frame(found);
         }
         if !lost {
-            let grown = self.sizes.estimate(frame, self.bounds());
+            let grown = self.sizes.estimate(frame, self.bounds_about(self.centre));
             self.scale = (self.scale * grown).clamp(SCALES.0, SCALES.1);
         }
         let share = ((signs.evidence() - DOUBT.0) / (DOUBT.1 - DOUBT.0)).clamp(0.0, 1.0);
@@ -402,7 +402,9 @@ impl Tracker for CorrelationTracker {
             covariance[0][1] *= shrink;
             covariance[1][0] *= shrink;
         }
-        Ok(Estimate { bounds: self.bounds(), covariance, score: signs.followed, p_lost })
+        // The looks are learnt about the peak, and where the object is said to be is the posterior's mean.
+        let centre = if lost { self.centre } else { self.on_frame(self.cloud().mean()) };
+        Ok(Estimate { bounds: self.bounds_about(centre), covariance, score: signs.followed, p_lost })
     }
 
     fn particles(&self) -> Vec<Particle> {
