@@ -10,6 +10,7 @@ pub mod frames;
 pub mod image;
 pub mod operator;
 mod rect;
+pub mod rgbd;
 pub mod sequence;
 pub mod tracker;
 
