@@ -12,6 +12,7 @@ pub mod operator;
 mod rect;
 pub mod rgbd;
 pub mod sequence;
+mod texture;
 pub mod tracker;
 
 pub use error::{Error, Result};

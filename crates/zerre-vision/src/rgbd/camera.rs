@@ -71,7 +71,7 @@ impl Camera {
             for (j, b) in self.rotation.iter().enumerate() {
                 let product: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
                 let wanted = if i == j { 1.0 } else { 0.0 };
-                if !((product - wanted).abs() < 1e-3) {
+                if product.is_nan() || (product - wanted).abs() >= 1e-3 {
                     return refuse("rotation", product, "its rows must be of length 1 and at right angles");
                 }
             }
@@ -134,7 +134,7 @@ impl Registration {
                 let z = f32::from(units) * scale;
                 let turned = |row: [f32; 3], shift| z * (row[0] * ray_x + row[1] * ray_y + row[2]) + shift;
                 let far = turned(ahead, shift[2]);
-                if !(far >= 1.0 && far < 65_535.0) {
+                if !(1.0..65_535.0).contains(&far) {
                     continue;
                 }
                 let (x, y) =

@@ -1,6 +1,7 @@
 //! Points of a body followed in colour and depth: several sources that each say where the point is, one posterior.
 
 pub mod camera;
+pub mod scene;
 
 pub use camera::{Camera, Intrinsics, Registration};
 
@@ -26,4 +27,15 @@ pub struct RgbdFrame {
     pub colour: Frame,
     /// Depth in the pixels of the colours: already registered, of the same size.
     pub depth: Depth,
+}
+
+/// Where a device that follows joints, or an estimator of poses, believes a point to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Place in the colour picture, pixels.
+    pub at: [f64; 2],
+    /// Distance along the colour camera's axis, mm.
+    pub depth_mm: Option<f64>,
+    /// How sure it is, from 0 to 1.
+    pub confidence: f64,
 }
