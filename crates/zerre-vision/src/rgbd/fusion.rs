@@ -100,6 +100,21 @@ impl FusionSettings {
 }
 
 impl Source {
+    /// What a reading's confidence is multiplied with to be the probability that it is of the point: more than one cannot
+    /// be sure.
+    pub(super) fn share(&self, readings: &[Reading]) -> f64 {
+        (1.0 - self.outlier) / readings.iter().map(|r| r.confidence).sum::<f64>().max(1.0)
+    }
+
+    /// Probability that none of the readings is of the point. Of a source that has to see it, doubtful readings or none at
+    /// all speak against its being seen; one that need not has then said nothing.
+    pub(super) fn wrong(&self, readings: &[Reading]) -> f64 {
+        if self.sees {
+            return self.outlier;
+        }
+        1.0 - self.share(readings) * readings.iter().map(|r| r.confidence).sum::<f64>()
+    }
+
     /// # Errors
     /// A number out of its range.
     pub fn checked(&self) -> Result<()> {
@@ -337,8 +352,7 @@ impl Fusion {
             let scale = area / (TAU * (spread[0] * spread[1]).sqrt());
             let deep = particle.axes[2].place + source.depth_sd * source.depth_sd;
             let deep_scale = DEPTH_RANGE / (TAU * deep).sqrt();
-            // More than one reading cannot be sure.
-            let share = (1.0 - source.outlier) / readings.iter().map(|r| r.confidence).sum::<f64>().max(1.0);
+            let share = source.share(readings);
             let of = |reading: &Reading| {
                 let [dx, dy] = [0, 1].map(|k| reading.at[k] - source.offset[k] - particle.axes[k].mean[0]);
                 let mut distance = dx * dx / spread[0] + dy * dy / spread[1];
@@ -350,7 +364,7 @@ impl Fusion {
                 scale * Real::exp(-0.5 * distance)
             };
             let good: f64 = readings.iter().map(of).sum();
-            let outlier = 1.0 - share * readings.iter().map(|r| r.confidence).sum::<f64>();
+            let outlier = source.wrong(readings);
             let sum = outlier + good;
             total *= sum;
             trust[*number] = good / sum;

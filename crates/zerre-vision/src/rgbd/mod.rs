@@ -1,9 +1,11 @@
 //! Points of a body followed in colour and depth: several sources that each say where the point is, one posterior.
 
+pub mod calibrate;
 pub mod camera;
 pub mod cue;
 pub mod fusion;
 pub mod thesis;
+pub mod tracker;
 
 pub use camera::{Camera, Intrinsics, Registration};
 

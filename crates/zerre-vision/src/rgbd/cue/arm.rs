@@ -60,7 +60,7 @@ impl ArmEnd {
         search: &Search,
         colours: Option<&HandColours>,
     ) -> (Vec<Reading>, f64) {
-        let window = search.window(view.frame.colour.size());
+        let window = search.window(view.colour.size());
         let area = (window[2] * window[3]) as f64;
         self.survey(view);
         if !self.measure() {
@@ -81,7 +81,7 @@ impl ArmEnd {
 
     /// The cells of what stands before the room.
     fn survey(&mut self, view: &View<'_>) {
-        let (width, height) = view.frame.depth.size();
+        let (width, height) = view.depth.size();
         self.columns = width / CELL;
         let rows = height / CELL;
         self.cells.clear();
@@ -94,7 +94,7 @@ impl ArmEnd {
                 let mut body = [(0, 0, 0); CELL * CELL];
                 let (mut count, mut nearest) = (0, u16::MAX);
                 for y in CELL * j..CELL * (j + 1) {
-                    let seen = &view.frame.depth.row(y)[CELL * i..CELL * (i + 1)];
+                    let seen = &view.depth.row(y)[CELL * i..CELL * (i + 1)];
                     let room = &view.room_depth.row(y)[CELL * i..CELL * (i + 1)];
                     for (x, (&z, &far)) in seen.iter().zip(room).enumerate() {
                         let before = z != NO_DEPTH

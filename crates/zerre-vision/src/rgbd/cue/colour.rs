@@ -52,7 +52,7 @@ impl HandColours {
 
     /// The probability that the pixel at a place is the hand's, by its colour, where both are as likely.
     pub(super) fn odds_at(&self, view: &View<'_>, at: [f32; 2]) -> f64 {
-        let pixel = view.frame.colour.at(at[0] as isize, at[1] as isize);
+        let pixel = view.colour.at(at[0] as isize, at[1] as isize);
         let odds = self.odds.get(bin(pixel, view.gain.map(f32::recip)));
         odds.map_or(0.0, |odds| f64::from(*odds))
     }
@@ -61,7 +61,7 @@ impl HandColours {
     /// disc has pixels of other things: those of the room and of another depth are not counted as the hand's.
     pub fn learn(&mut self, view: &View<'_>, at: [f64; 2], radius: f64, depth: Option<f64>) {
         let light = view.gain.map(f32::recip);
-        let frame = &view.frame.colour;
+        let frame = view.colour;
         let mut counts = [vec![0.0_f32; BINS.pow(3)], vec![0.0_f32; BINS.pow(3)]];
         let reach = 6.0 * radius;
         for y in 0..frame.height() {
@@ -79,7 +79,7 @@ impl HandColours {
                 let distance = (dx * dx + dy * dy).sqrt();
                 let i = y * frame.width() + x;
                 if distance < 0.8 * radius {
-                    let there = view.frame.depth.pixels()[i];
+                    let there = view.depth.pixels()[i];
                     let fits = depth.is_none_or(|z| there == NO_DEPTH || (f64::from(there) - z).abs() < 80.0);
                     if fits && is_before_room(view, i) {
                         counts[0][bin(pixel, light)] += 1.0;
@@ -125,7 +125,7 @@ pub struct ColourCue {
 impl ColourCue {
     /// Where the hand may be, the most likely first, and the area that was searched.
     pub fn candidates(&mut self, view: &View<'_>, search: &Search) -> (Vec<Reading>, f64) {
-        let frame = &view.frame.colour;
+        let frame = view.colour;
         let window = search.window(frame.size());
         let area = (window[2] * window[3]) as f64;
         if self.colours.is_empty() {
@@ -153,8 +153,8 @@ impl ColourCue {
     fn weigh(&mut self, view: &View<'_>, search: &Search, window: Window) {
         let light = view.gain.map(f32::recip);
         self.share.clear();
-        let depth = view.frame.depth.pixels();
-        for (first, row) in part(&view.frame.colour, window) {
+        let depth = view.depth.pixels();
+        for (first, row) in part(view.colour, window) {
             self.share.extend(row.iter().enumerate().map(|(x, &pixel)| {
                 let odds = self.colours.odds[bin(pixel, light)];
                 if odds < 0.1 || !is_before_room(view, first + x) {
@@ -264,7 +264,7 @@ fn depth_about(
         if dy.abs() > radius {
             continue;
         }
-        let depth = &view.frame.depth.row(window[1] + y)[window[0]..];
+        let depth = &view.depth.row(window[1] + y)[window[0]..];
         for (x, (&odds, &z)) in share.row(y).iter().zip(depth).enumerate() {
             let dx = x as f64 + 0.5 - at[0];
             if odds > 0.3 && z != NO_DEPTH && dx * dx + dy * dy < radius * radius {

@@ -6,17 +6,19 @@ mod colour;
 pub use arm::ArmEnd;
 pub use colour::{ColourCue, HandColours};
 
-use super::{Depth, Intrinsics, NO_DEPTH, RgbdFrame};
+use super::{Depth, Intrinsics, NO_DEPTH};
 use crate::{Frame, Image};
 
 /// A frame beside the empty room.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// What is seen.
-    pub frame: &'a RgbdFrame,
+    /// Colours.
+    pub colour: &'a Frame,
+    /// Depths; all [`NO_DEPTH`] where depth is not used.
+    pub depth: &'a Depth,
     /// Colours of the empty room.
     pub room: &'a Frame,
-    /// Depths of the empty room; all [`NO_DEPTH`] where depth is not used.
+    /// Depths of the empty room, likewise.
     pub room_depth: &'a Depth,
     /// The colour camera.
     pub lens: Intrinsics,
@@ -64,12 +66,12 @@ const OTHER_COLOUR: f32 = 24.0;
 
 /// Whether what a pixel shows is before the room: by its depth where both are measured, else by its colour.
 pub fn is_before_room(view: &View<'_>, i: usize) -> bool {
-    let (near, far) = (view.frame.depth.pixels()[i], view.room_depth.pixels()[i]);
+    let (near, far) = (view.depth.pixels()[i], view.room_depth.pixels()[i]);
     if near != NO_DEPTH && far != NO_DEPTH {
         // Noise of both, five standard deviations, beside a margin for what a median leaves.
         return i32::from(far) - i32::from(near) > nearer_by(far);
     }
-    let (seen, room) = (view.frame.colour.pixels()[i], view.room.pixels()[i]);
+    let (seen, room) = (view.colour.pixels()[i], view.room.pixels()[i]);
     (0..3).any(|c| (f32::from(seen[c]) - view.gain[c] * f32::from(room[c])).abs() > OTHER_COLOUR)
 }
 
