@@ -3,9 +3,12 @@
 //! The cues are searched about the filter's own prediction, so they are as good as it is: the clip is gone through with
 //! what is known so far, what the sources said is compared with the marks, and both are done again until it settles.
 
-use super::Reading;
 use super::fusion::Source;
+use super::tracker::{PointTracker, Said, TrackerSettings};
+use super::{Depth, Intrinsics, Reading, RgbdFrame};
+use crate::{Frame, Result};
 use zerre::math::Real;
+use zerre::rng::Stream;
 
 /// What a source said where the point was known to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,4 +88,92 @@ pub fn learn(before: &Source, all: &[Observed]) -> Source {
         }
     }
     source
+}
+
+/// A clip on which people have marked the point.
+pub struct Marked<'a> {
+    /// The empty room.
+    pub room: (Frame, Depth),
+    /// The colour camera.
+    pub lens: Intrinsics,
+    /// Where the point is in the first frame.
+    pub first: Reading,
+    /// How many frames there are.
+    pub frames: usize,
+    /// A frame by its place, from 0.
+    pub frame: &'a dyn Fn(usize) -> Result<RgbdFrame>,
+    /// What the sources beside the cues say in a frame.
+    pub others: &'a dyn Fn(usize) -> Vec<(usize, Vec<Reading>)>,
+    /// Where the point is in a frame, pixels, and how deep, millimetres; `None` where it cannot be seen.
+    pub truth: &'a dyn Fn(usize) -> Option<([f64; 2], Option<f64>)>,
+}
+
+/// Squared distance in standard deviations within which 95 % of a normal law in the plane lie.
+pub const WITHIN_95: f64 = 5.991_464_547_107_98;
+
+/// Settings with the sources and the covariance's floor learnt from clips, `rounds` times over.
+///
+/// # Errors
+/// What a tracker refuses, frames that cannot be read.
+pub fn calibrate(
+    before: &TrackerSettings,
+    clips: &[Marked<'_>],
+    rounds: usize,
+    stream: Stream,
+) -> Result<TrackerSettings> {
+    let mut settings = before.clone();
+    for _ in 0..rounds {
+        settings.reference_sd = 0.0;
+        let mut observed: Vec<Vec<Observed>> = vec![Vec::new(); settings.all_sources().count()];
+        let mut misses = Vec::new();
+        for clip in clips {
+            let first = (clip.frame)(0)?;
+            let room = (clip.room.clone(), clip.lens);
+            let mut tracker = PointTracker::start(settings.clone(), room, (&first, clip.first), stream)?;
+            for k in 1..clip.frames {
+                let frame = (clip.frame)(k)?;
+                let others = (clip.others)(k);
+                let others: Vec<(usize, &[Reading])> =
+                    others.iter().map(|(s, r)| (*s, r.as_slice())).collect();
+                let tracked = tracker.step(&frame, &others, &mut |_| ())?;
+                let Some((truth, truth_mm)) = (clip.truth)(k) else { continue };
+                for (all, said) in observed.iter_mut().zip(tracked.said) {
+                    if let Some(Said { readings, area }) = said {
+                        all.push(Observed { readings, area, truth, truth_mm });
+                    }
+                }
+                if !tracked.fused.is_lost() {
+                    misses.push((tracked.fused.covariance, [0, 1].map(|i| tracked.fused.at[i] - truth[i])));
+                }
+            }
+        }
+        let sources = settings.sources.iter_mut().chain(&mut settings.colour).chain(&mut settings.depth);
+        for (source, observed) in sources.zip(&observed) {
+            *source = learn(source, observed);
+        }
+        settings.reference_sd = floor(&misses);
+    }
+    Ok(settings)
+}
+
+/// The least standard deviation that, added to the covariances, makes 95 % of the ellipses hold the truth.
+fn floor(misses: &[([[f64; 2]; 2], [f64; 2])]) -> f64 {
+    let held = |sd: f64| {
+        let inside = misses.iter().filter(|(covariance, off)| {
+            let [[a, b], [_, c]] = *covariance;
+            let (a, c) = (a + sd * sd, c + sd * sd);
+            let distance = off[0].square() * c - 2.0 * off[0] * off[1] * b + off[1].square() * a;
+            distance <= WITHIN_95 * (a * c - b * b)
+        });
+        inside.count() as f64 >= 0.95 * misses.len() as f64
+    };
+    let (mut low, mut high) = (0.0, 100.0);
+    if held(low) {
+        return low;
+    }
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if held(middle) { high = middle } else { low = middle }
+    }
+    high
 }
