@@ -1,11 +1,17 @@
 //! Points of a body followed in colour and depth: several sources that each say where the point is, one posterior.
 
+pub mod calibrate;
 pub mod camera;
+pub mod cue;
+pub mod fusion;
 pub mod scene;
+pub mod thesis;
+pub mod tracker;
 
 pub use camera::{Camera, Intrinsics, Registration};
 
-use crate::{Frame, Image};
+use crate::{Frame, Image, Result};
+use serde::{Deserialize, Serialize};
 use zerre::Time;
 
 /// Distances from the camera along its axis, millimetres, pixel by pixel; [`NO_DEPTH`] where nothing was measured.
@@ -29,13 +35,28 @@ pub struct RgbdFrame {
     pub depth: Depth,
 }
 
-/// Where a device that follows joints, or an estimator of poses, believes a point to be.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a source says of where the point is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// Place in the colour picture, pixels.
+    /// The place in the colours' picture, pixels.
     pub at: [f64; 2],
-    /// Distance along the colour camera's axis, mm.
+    /// Distance from the colour camera along its axis, millimetres.
     pub depth_mm: Option<f64>,
-    /// How sure it is, from 0 to 1.
+    /// How sure the source is, from 0 to 1; beside others of one source it is what counts.
     pub confidence: f64,
+}
+
+impl Reading {
+    /// # Errors
+    /// A number that is not finite, a confidence outside [0, 1].
+    pub fn checked(&self) -> Result<()> {
+        for value in [self.at[0], self.at[1], self.depth_mm.unwrap_or(0.0)] {
+            zerre::Error::finite("a reading", value)?;
+        }
+        if !(0.0..=1.0).contains(&self.confidence) {
+            let needs = "it must be from 0 to 1";
+            return Err(crate::Error::OutOfRange { what: "confidence", value: self.confidence, needs });
+        }
+        Ok(())
+    }
 }
