@@ -1,5 +1,6 @@
 //! Points of a body followed in colour and depth: several sources that each say where the point is, one posterior.
 
+pub mod background;
 pub mod calibrate;
 pub mod camera;
 pub mod cue;
