@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod camera;
 pub mod cue;
 pub mod fusion;
+pub mod recording;
 pub mod scene;
 pub mod thesis;
 pub mod tracker;
