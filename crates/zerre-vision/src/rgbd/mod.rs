@@ -1,9 +1,11 @@
 //! Points of a body followed in colour and depth: several sources that each say where the point is, one posterior.
 
+pub mod background;
 pub mod calibrate;
 pub mod camera;
 pub mod cue;
 pub mod fusion;
+pub mod recording;
 pub mod scene;
 pub mod thesis;
 pub mod tracker;

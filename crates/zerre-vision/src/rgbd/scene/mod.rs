@@ -5,6 +5,7 @@
 
 mod appearance;
 mod device;
+mod files;
 mod person;
 mod room;
 mod sensor;
@@ -15,6 +16,7 @@ mod space;
 mod tests;
 
 pub use appearance::{Appearance, Wave};
+pub use files::{Named, SCENES, SceneFile};
 pub use settings::{
     ColourSettings, Condition, DepthSettings, DeviceSettings, OperatorSettings, Purpose, SceneSettings,
 };
@@ -181,30 +183,36 @@ impl Scene {
         (self.settings.size[0], self.settings.size[1])
     }
 
+    /// What frame `k` is called: a file's name.
+    fn name(&self, k: usize) -> String {
+        format!("{:04}.png", k + 1)
+    }
+
+    fn parts(&self, k: usize) -> Vec<Part> {
+        self.person.parts(&self.person.pose(self.seconds(k)))
+    }
+
     /// Frame `k`, with depth in the pixels of the colours.
     pub fn frame(&self, k: usize) -> RgbdFrame {
-        let parts = self.person.parts(&self.person.pose(self.seconds(k)));
-        let (depth, colour) = self.seen(&parts);
-        let (size, step) = (self.size(), k as u64);
-        RgbdFrame {
-            index: k,
-            name: format!("{:04}", k + 1),
-            time: self.time(k),
-            colour: self.noise.colour(colour, size, self.light(k), &self.settings.colour, step),
-            depth: self.noise.depth(
-                &depth,
-                size,
-                self.camera.colour.focal[0],
-                &self.settings.depth,
-                (Kind::Depth, step),
-            ),
-        }
+        let (exact, seen) = self.seen(&self.parts(k));
+        let (size, lens) = (self.size(), self.camera.colour);
+        let random = (Kind::Depth, k as u64);
+        let depth = self.noise.depth(&exact, size, lens.focal[0], &self.settings.depth, random);
+        let (name, time) = (self.name(k), self.time(k));
+        RgbdFrame { index: k, name, time, colour: self.lit(seen, k), depth }
+    }
+
+    fn colours(&self, k: usize) -> Frame {
+        self.lit(self.seen(&self.parts(k)).1, k)
+    }
+
+    fn lit(&self, seen: Vec<[f32; 3]>, k: usize) -> Frame {
+        self.noise.colour(seen, self.size(), self.light(k), &self.settings.colour, k as u64)
     }
 
     /// What the depth camera sees in frame `k`, from its own place.
     pub fn raw_depth(&self, k: usize) -> Depth {
-        let parts = self.person.parts(&self.person.pose(self.seconds(k)));
-        self.raw(&parts, k as u64)
+        self.raw(&self.parts(k), k as u64)
     }
 
     /// The empty room: colours, and depth in their pixels.

@@ -40,17 +40,6 @@ impl Condition {
         }
     }
 
-    /// What it is, in a line.
-    pub fn about(self) -> &'static str {
-        match self {
-            Condition::Light => "colour and depth: a person moves the right hand before a plain, light wall",
-            Condition::Clutter => "colour and depth: the wall is full of things, some coloured like skin",
-            Condition::Flicker => "colour and depth: the light drifts and flickers",
-            Condition::BehindBack => "colour and depth: the hand is behind the back for 25 frames",
-            Condition::DeviceDropOut => "colour and depth: the device gives no joint for two stretches",
-        }
-    }
-
     /// The condition of this name.
     pub fn find(name: &str) -> Option<Condition> {
         Condition::ALL.into_iter().find(|condition| condition.name() == name)

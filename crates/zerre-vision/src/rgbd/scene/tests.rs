@@ -247,6 +247,8 @@ fn conditions_do_what_they_say() {
     assert!(spread(&clutter) > 1.5 * spread(&light), "{} {}", spread(&clutter), spread(&light));
     assert!(scene(Condition::Flicker).settings().colour.flicker > 0.0);
     for condition in Condition::ALL {
+        let named = SCENES.iter().find(|named| named.condition == Some(condition)).unwrap();
+        assert_eq!(named.name, format!("rgbd-{}", condition.name()));
         assert_eq!(Condition::find(condition.name()), Some(condition));
         let told = serde_json::to_value(condition).unwrap();
         assert_eq!(told.as_str(), Some(condition.name()));
