@@ -3,6 +3,7 @@
 pub mod bayes_family;
 pub mod extended_target;
 pub mod multiple_model;
+pub mod rgbd;
 pub mod swarm;
 pub mod video;
 
@@ -22,8 +23,14 @@ pub struct Paper {
 }
 
 /// The papers whose experiments are here.
-pub const PAPERS: &[Paper] =
-    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER, video::PAPER];
+pub const PAPERS: &[Paper] = &[
+    multiple_model::PAPER,
+    bayes_family::PAPER,
+    extended_target::PAPER,
+    swarm::PAPER,
+    video::PAPER,
+    rgbd::PAPER,
+];
 
 /// With a capital letter.
 fn sentence(text: &str) -> String {
