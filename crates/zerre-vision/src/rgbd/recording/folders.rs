@@ -1,10 +1,11 @@
 //! Recordings that are folders of pictures: which picture of depth belongs to which of colours, and when it was taken.
 
+use super::Source;
 use crate::frames::folder::{Pictures, Place, number};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use zerre::Time;
 
 /// A place in a recording.
@@ -13,8 +14,8 @@ pub(super) struct Entry {
     pub(super) name: String,
     pub(super) time: Time,
     /// None if it is missing although those before and after it are there.
-    pub(super) colour: Option<PathBuf>,
-    pub(super) depth: Option<PathBuf>,
+    pub(super) colour: Option<Source>,
+    pub(super) depth: Option<Source>,
 }
 
 /// The places of a recording, and the number of depth pictures that belong to none.
@@ -77,7 +78,7 @@ fn numbered(folder: &Path, colours: &Path, rate_hz: f64) -> Result<Listed> {
     let mut before = None;
     for (index, place) in colours.places().iter().enumerate() {
         let (id, name, colour) = match place {
-            Place::File(path) => (key(path), name(path), Some(path.clone())),
+            Place::File(path) => (key(path), name(path), Some(Source::File(path.clone()))),
             Place::Missing(number) => (Key::Number(*number), format!("number {number}"), None),
         };
         let time = match &times {
@@ -94,7 +95,8 @@ fn numbered(folder: &Path, colours: &Path, rate_hz: f64) -> Result<Listed> {
             return Err(refuse(&folder.join(TIMES), problem));
         }
         before = Some(time);
-        entries.push(Entry { name, time, colour, depth: partners.remove(&id) });
+        let depth = partners.remove(&id).map(Source::File);
+        entries.push(Entry { name, time, colour, depth });
     }
     Ok(Listed { entries, alone: partners.len(), scale: 0.001 })
 }
@@ -158,8 +160,8 @@ fn listed_by_time(folder: &Path, apart_s: f64) -> Result<Listed> {
             Ok(Entry {
                 name: name(Path::new(colour)),
                 time: seconds(&pairs, line, time)?,
-                colour: Some(folder.join(colour)),
-                depth: Some(folder.join(depth)),
+                colour: Some(Source::File(folder.join(colour))),
+                depth: Some(Source::File(folder.join(depth))),
             })
         });
         let mut entries = entries.collect::<Result<Vec<Entry>>>()?;
@@ -182,8 +184,8 @@ fn listed_by_time(folder: &Path, apart_s: f64) -> Result<Listed> {
     let entries = colours.into_iter().zip(near).map(|((time, file), partner)| Entry {
         name: name(Path::new(&file)),
         time,
-        colour: Some(folder.join(&file)),
-        depth: partner.map(|at| folder.join(&depths[at].1)),
+        colour: Some(Source::File(folder.join(&file))),
+        depth: partner.map(|at| Source::File(folder.join(&depths[at].1))),
     });
     let entries = entries.collect();
     nonempty(&folder.join("rgb.txt"), Listed { entries, alone: depths.len() - used, scale })
