@@ -1,4 +1,5 @@
-//! Recordings that are folders of pictures: which picture of depth belongs to which of colours, and when it was taken.
+//! Recordings that are folders of pictures: which picture of depth belongs to which of colours, and when it
+//! was taken.
 
 use super::Source;
 use crate::frames::folder::{Pictures, Place, number};
@@ -39,8 +40,8 @@ fn text(path: &Path) -> Result<String> {
     fs::read_to_string(path).map_err(|error| refuse(path, format!("it cannot be read: {error}")))
 }
 
-/// Lists what a folder has: the layout of the TUM benchmark, or folders of colours and of depth with the same numbers, and
-/// with times if there are some.
+/// Lists what a folder has: the layout of the TUM benchmark, or folders of colours and of depth with the same
+/// numbers, and with times if there are some.
 pub(super) fn list(folder: &Path, rate_hz: f64, apart_s: f64) -> Result<Listed> {
     if folder.join("associations.txt").is_file()
         || folder.join("rgb.txt").is_file() && folder.join("depth.txt").is_file()
@@ -144,8 +145,8 @@ fn read_times(path: &Path) -> Result<BTreeMap<Key, Time>> {
     Ok(times)
 }
 
-/// The layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012): pictures with their times, 5000 units of depth to the
-/// metre.
+/// The layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012): pictures with their times, 5000 units of
+/// depth to the metre.
 fn listed_by_time(folder: &Path, apart_s: f64) -> Result<Listed> {
     let scale = 1.0 / 5000.0;
     let pairs = folder.join("associations.txt");

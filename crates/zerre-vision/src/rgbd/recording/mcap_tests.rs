@@ -170,7 +170,8 @@ fn every_kind_of_message_is_read() {
     }
 }
 
-/// Pictures of about one time belong together, whichever comes first; the rest is counted, and so is what is damaged.
+/// Pictures of about one time belong together, whichever comes first; the rest is counted, and so is what is
+/// damaged.
 #[test]
 fn pictures_are_paired_by_their_stamps() {
     let colour = |ms: u64| ("/rgb", RAW, "protobuf", ms, foxglove_raw(ms, [1, 1, 3], "rgb8", &[ms as u8; 3]));
@@ -219,7 +220,7 @@ fn damaged_files_and_other_topics_are_told() {
     assert!(told.contains("/imu (sensor_msgs/msg/Imu)") && told.contains("foxglove.RawImage"), "{told}");
     let colour = ("/rgb", RAW, "protobuf", 1, foxglove_raw(1, [1, 1, 3], "rgb8", &[9; 3]));
     // Cut behind the data: its end is told, and what stood before is read.
-    let mut recording = open("cut", &[colour.clone()], 30).unwrap();
+    let mut recording = open("cut", &[colour], 30).unwrap();
     let results: Vec<bool> = recording.by_ref().map(|frame| frame.is_ok()).collect();
     assert_eq!(results.iter().filter(|good| **good).count(), 1, "{results:?}");
     assert!(results.contains(&false) && recording.outcomes().unreadable > 0);

@@ -55,8 +55,8 @@ impl Message {
         }
     }
 
-    /// `sensor_msgs/msg/Image` and `CompressedImage`: header (stamp, frame), then rows, columns, encoding, order of bytes, bytes
-    /// per row, data; or format, data.
+    /// `sensor_msgs/msg/Image` and `CompressedImage`: header (stamp, frame), then rows, columns, encoding,
+    /// order of bytes, bytes per row, data; or format, data.
     fn cdr(bytes: &[u8], packed: bool) -> Result<Message, String> {
         // Byte 1 of the head says whether numbers are in little order; places count from behind it.
         let (head, body) = bytes.split_at_checked(4).ok_or(ENDS_EARLY)?;
@@ -78,8 +78,8 @@ impl Message {
         Ok(message)
     }
 
-    /// `foxglove.RawImage` and `foxglove.CompressedImage`: `fields` are the numbers of data, width, height, encoding or format,
-    /// and step.
+    /// `foxglove.RawImage` and `foxglove.CompressedImage`: `fields` are the numbers of data, width, height,
+    /// encoding or format, and step.
     fn protobuf(bytes: &[u8], fields: &[u64; 5], packed: bool) -> Result<Message, String> {
         let mut message = Message { packed, ..Message::default() };
         for field in Fields(bytes) {

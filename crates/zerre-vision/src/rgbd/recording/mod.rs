@@ -1,4 +1,5 @@
-//! Recordings of colour and depth, frame by frame: folders of pictures and, with the feature `mcap`, MCAP files.
+//! Recordings of colour and depth, frame by frame: folders of pictures and, with the feature `mcap`, MCAP
+//! files.
 
 mod cameras;
 mod folders;
@@ -32,7 +33,8 @@ pub struct RecordingOptions {
     pub invalid: Option<u16>,
     /// Longest time between a picture of colours and one of depth that belong together, seconds.
     pub apart_s: f64,
-    /// Topics of colours and of depth in an MCAP file; without them the first ones, of depth that has `depth` in its name.
+    /// Topics of colours and of depth in an MCAP file; without them the first ones, of depth that has `depth`
+    /// in its name.
     pub topics: [Option<String>; 2],
 }
 
@@ -64,8 +66,8 @@ pub struct Outcomes {
     pub depth_alone: usize,
 }
 
-/// The frames of a recording, with depth in the pixels of the colours, one by one. Only the frame that is handed out is in
-/// memory. An error stands for its frame alone: the next one may be good.
+/// The frames of a recording, with depth in the pixels of the colours, one by one. Only the frame that is
+/// handed out is in memory. An error stands for its frame alone: the next one may be good.
 #[derive(Debug)]
 pub struct Recording {
     entries: Entries,
@@ -127,12 +129,13 @@ fn in_message(problem: String) -> Error {
 const ROOM: [&[&str]; 2] = [&["background_rgb.png", "background_rgb.jpg"], &["background_depth.png"]];
 
 impl Recording {
-    /// Opens a folder: with folders `rgb` and `depth` whose pictures have the same numbers (and `times.csv`, if there is
-    /// one), or as the TUM benchmark has it (`rgb.txt`, `depth.txt`, `associations.txt`); or, with the feature `mcap`, a file
-    /// of pictures as Foxglove or ROS 2 have them.
+    /// Opens a folder: with folders `rgb` and `depth` whose pictures have the same numbers (and `times.csv`,
+    /// if there is one), or as the TUM benchmark has it (`rgb.txt`, `depth.txt`, `associations.txt`); or,
+    /// with the feature `mcap`, a file of pictures as Foxglove or ROS 2 have them.
     ///
     /// # Errors
-    /// Nothing under this name, another layout, a camera file that is none, pictures of different sizes without cameras.
+    /// Nothing under this name, another layout, a camera file that is none, pictures of different sizes
+    /// without cameras.
     pub fn open(path: &Path, options: &RecordingOptions) -> Result<Recording> {
         let refuse =
             |problem: &str| Error::Input { input: path.display().to_string(), problem: problem.to_owned() };
@@ -162,11 +165,11 @@ impl Recording {
             #[cfg(not(feature = "mcap"))]
             return Err(refuse("this program is built without the feature `mcap`, which reads such files"));
         };
-        let beside = [files.then_some(path), path.parent()]
+        let mut beside = [files.then_some(path), path.parent()]
             .into_iter()
             .flatten()
             .map(|folder| folder.join("camera.json"));
-        let file = options.camera.clone().or_else(|| beside.filter(|file| file.is_file()).next());
+        let file = options.camera.clone().or_else(|| beside.find(|file| file.is_file()));
         let cameras = file.as_deref().map(CameraFile::read).transpose()?;
         let of_file = |read: fn(&CameraFile) -> Option<f64>| cameras.as_ref().and_then(read);
         let scale = options.depth_scale.or(of_file(|file| file.depth_scale)).unwrap_or(usual);
@@ -200,8 +203,8 @@ impl Recording {
         self.camera
     }
 
-    /// The empty room: colours, and depth in their pixels, of a folder that has pictures of it (`background_rgb.png` or
-    /// `.jpg`, and `background_depth.png`).
+    /// The empty room: colours, and depth in their pixels, of a folder that has pictures of it
+    /// (`background_rgb.png` or `.jpg`, and `background_depth.png`).
     ///
     /// # Errors
     /// Pictures that cannot be read or are of different sizes.
