@@ -14,7 +14,15 @@ const FRAME: (usize, usize) = (640, 480);
 const AREA: f64 = 640.0 * 480.0;
 
 fn source(name: &str, sd: f64, outlier: f64) -> Source {
-    Source { name: name.to_owned(), sd, depth_sd: 40.0, outlier, offset: [0.0; 2], sees: false }
+    Source {
+        name: name.to_owned(),
+        sd,
+        depth_sd: 40.0,
+        outlier,
+        offset: [0.0; 2],
+        depth_offset: 0.0,
+        sees: false,
+    }
 }
 
 fn reading(x: f64, y: f64) -> Reading {

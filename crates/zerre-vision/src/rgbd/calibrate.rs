@@ -39,12 +39,12 @@ pub fn learn(before: &Source, all: &[Observed]) -> Source {
     if all.is_empty() {
         return source;
     }
-    // Wide enough to see every reading that may be of the point.
-    source.sd = source.sd.max(10.0);
+    // Narrow, so that other things that are often near are not taken for the point's noise.
+    source.sd = source.sd.clamp(3.0, 6.0);
     for _ in 0..ROUNDS {
         let last = source.clone();
         let (mut good, mut sum, mut squares) = (0.0, [0.0; 2], 0.0);
-        let (mut deep, mut deep_squares) = (0.0, 0.0);
+        let (mut deep, mut deep_sum, mut deep_squares) = (0.0, 0.0, 0.0);
         for Observed { readings, area, truth, truth_mm } in all {
             let share = source.share(readings);
             let off = |r: &Reading| [0, 1].map(|k| r.at[k] - truth[k] - source.offset[k]);
@@ -64,8 +64,10 @@ pub fn learn(before: &Source, all: &[Observed]) -> Source {
                 sum[1] += sure * dy;
                 squares += sure * (dx * dx + dy * dy);
                 if let (Some(z), Some(truth)) = (reading.depth_mm, truth_mm) {
+                    let off = z - truth - source.depth_offset;
                     deep += sure;
-                    deep_squares += sure * (z - truth).square();
+                    deep_sum += sure * off;
+                    deep_squares += sure * off * off;
                 }
             }
         }
@@ -80,7 +82,9 @@ pub fn learn(before: &Source, all: &[Observed]) -> Source {
             source.sd = (rest / 2.0).max(0.0).sqrt().max(LEAST_SD);
         }
         if deep > 2.0 {
-            source.depth_sd = (deep_squares / deep).sqrt().max(LEAST_DEPTH_SD);
+            let moved = deep_sum / deep;
+            source.depth_offset += moved;
+            source.depth_sd = (deep_squares / deep - moved.square()).max(0.0).sqrt().max(LEAST_DEPTH_SD);
         }
         let settled = |a: f64, b: f64| (a - b).abs() < 1e-6;
         if settled(source.sd, last.sd) && settled(source.outlier, last.outlier) {
@@ -125,8 +129,9 @@ pub fn calibrate(
     for _ in 0..rounds {
         settings.reference_sd = 0.0;
         let mut observed: Vec<Vec<Observed>> = vec![Vec::new(); settings.all_sources().count()];
-        let mut misses = Vec::new();
+        let mut floors: Vec<f64> = Vec::new();
         for clip in clips {
+            let mut misses = Vec::new();
             let first = (clip.frame)(0)?;
             let room = (clip.room.clone(), clip.lens);
             let mut tracker = PointTracker::start(settings.clone(), room, (&first, clip.first), stream)?;
@@ -146,12 +151,15 @@ pub fn calibrate(
                     misses.push((tracked.fused.covariance, [0, 1].map(|i| tracked.fused.at[i] - truth[i])));
                 }
             }
+            floors.push(floor(&misses));
         }
         let sources = settings.sources.iter_mut().chain(&mut settings.colour).chain(&mut settings.depth);
         for (source, observed) in sources.zip(&observed) {
             *source = learn(source, observed);
         }
-        settings.reference_sd = floor(&misses);
+        // Of each clip by itself: what is enough for all frames together is too little for half of the clips.
+        let clips = floors.len().max(1) as f64;
+        settings.reference_sd = floors.into_iter().sum::<f64>() / clips;
     }
     Ok(settings)
 }

@@ -33,6 +33,9 @@ pub struct Source {
     /// Mean of its readings less the point, pixels.
     #[serde(default)]
     pub offset: [f64; 2],
+    /// Mean of its depths less that of the point, millimetres.
+    #[serde(default)]
+    pub depth_offset: f64,
     /// Whether it needs to see the point: a camera does, a model of the whole body does not.
     #[serde(default)]
     pub sees: bool,
@@ -54,6 +57,8 @@ pub struct FusionSettings {
     pub depth_acceleration: f64,
     /// How far a hidden point wanders, pixels per root of a second; ten times as many millimetres in depth.
     pub hidden_spread: f64,
+    /// How far a source that need not see the point is off while it is hidden, a standard deviation in pixels: it guesses.
+    pub hidden_sd: f64,
     /// How often a point that is seen becomes hidden, per second.
     pub hides: f64,
     /// How often a hidden point shows again, per second.
@@ -69,6 +74,7 @@ impl Default for FusionSettings {
             acceleration: 600.0,
             depth_acceleration: 1500.0,
             hidden_spread: 80.0,
+            hidden_sd: 30.0,
             hides: 0.15,
             returns: 1.5,
             jumps: 0.3,
@@ -87,6 +93,7 @@ impl FusionSettings {
             ("acceleration", self.acceleration),
             ("depth_acceleration", self.depth_acceleration),
             ("hidden_spread", self.hidden_spread),
+            ("hidden_sd", self.hidden_sd),
             ("hides", self.hides),
             ("returns", self.returns),
             ("jumps", self.jumps),
@@ -127,7 +134,7 @@ impl Source {
             let needs = "it must lie between 0 and 1";
             return Err(Error::OutOfRange { what: "outlier of a source", value: self.outlier, needs });
         }
-        match self.offset.iter().find(|v| !v.is_finite()) {
+        match self.offset.iter().chain([&self.depth_offset]).find(|v| !v.is_finite()) {
             Some(&value) => {
                 Err(Error::OutOfRange { what: "offset of a source", value, needs: "it must be finite" })
             }
@@ -347,7 +354,8 @@ impl Fusion {
             if particle.hidden && source.sees {
                 continue;
             }
-            let variance = source.sd * source.sd;
+            let guess = if particle.hidden { self.settings.hidden_sd.square() } else { 0.0 };
+            let variance = source.sd * source.sd + guess;
             let spread = [particle.axes[0].place + variance, particle.axes[1].place + variance];
             let scale = area / (TAU * (spread[0] * spread[1]).sqrt());
             let deep = particle.axes[2].place + source.depth_sd * source.depth_sd;
@@ -358,7 +366,7 @@ impl Fusion {
                 let mut distance = dx * dx / spread[0] + dy * dy / spread[1];
                 let mut scale = scale * share * reading.confidence;
                 if let Some(depth) = reading.depth_mm {
-                    distance += (depth - particle.axes[2].mean[0]).square() / deep;
+                    distance += (depth - source.depth_offset - particle.axes[2].mean[0]).square() / deep;
                     scale *= deep_scale;
                 }
                 scale * Real::exp(-0.5 * distance)
@@ -385,7 +393,7 @@ impl Fusion {
                     particle.axes[k].update(reading.at[k] - source.offset[k], variance);
                 }
                 if let Some(depth) = reading.depth_mm {
-                    particle.axes[2].update(depth, source.depth_sd * source.depth_sd);
+                    particle.axes[2].update(depth - source.depth_offset, source.depth_sd * source.depth_sd);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! A point of a body followed through a recording: cues are searched about where the filter expects it, and everything
 //! that has been said of it is fused.
 
-use super::cue::{ArmEnd, ColourCue, Search, View, light};
+use super::cue::{ArmEnd, ColourCue, Others, Search, View, light};
 use super::fusion::{Evidence, Fused, Fusion, FusionSettings, Source};
 use super::{Depth, Intrinsics, NO_DEPTH, Reading, RgbdFrame};
 use crate::{Error, Frame, Result};
@@ -35,6 +35,7 @@ impl Default for TrackerSettings {
             depth_sd,
             outlier,
             offset: [0.0; 2],
+            depth_offset: 0.0,
             sees,
         };
         TrackerSettings {
@@ -135,7 +136,10 @@ pub struct PointTracker {
     fusion: Fusion,
     colour: ColourCue,
     arm: ArmEnd,
+    /// What is like the point and is not.
+    rest: Others,
     lost: bool,
+    steps: u64,
 }
 
 /// Standard deviation of the first place, pixels.
@@ -144,6 +148,14 @@ const FIRST_SD: f64 = 10.0;
 const KNOWN: f64 = 0.35;
 /// Probability of being lost above which nothing is learnt.
 const DOUBTFUL: f64 = 0.1;
+/// Candidates of a cue at most.
+const CANDIDATES: usize = 4;
+/// Windows that are so many times as large are looked at more coarsely.
+const COARSE: usize = 2;
+/// In every so many frames the whole of it is searched for what else is like the point.
+const EVERYWHERE: u64 = 3;
+/// Things are apart that are so many radii of a palm from each other.
+const REACH: f64 = 2.5;
 /// Radius of a palm, millimetres.
 const PALM: f64 = 40.0;
 
@@ -192,7 +204,9 @@ impl PointTracker {
             fusion,
             colour: ColourCue::default(),
             arm: ArmEnd::default(),
+            rest: Others::default(),
             lost: false,
+            steps: 0,
         };
         if tracker.settings.colour.is_some() {
             let gain = light(&frame.colour, &tracker.room.0);
@@ -211,9 +225,14 @@ impl PointTracker {
         &self.settings
     }
 
+    /// Radius of a palm at a depth, pixels.
+    fn radius(&self, depth: Option<f64>) -> f64 {
+        PALM * self.lens.focal[0] / depth.unwrap_or(2000.0).max(300.0)
+    }
+
     fn learn(&mut self, frame: &RgbdFrame, gain: [f32; 3], at: [f64; 2], depth: Option<f64>) {
         let view = view((&self.room, &self.blind, self.lens), frame, gain);
-        let radius = PALM * self.lens.focal[0] / depth.unwrap_or(2000.0).max(300.0);
+        let radius = self.radius(depth);
         self.colour.colours.learn(&view, at, radius, depth);
     }
 
@@ -237,7 +256,8 @@ impl PointTracker {
         let wide = if self.lost { 3 * self.settings.window } else { (6.0 * sd) as usize };
         let side = wide.clamp(self.settings.window, self.settings.window.max(width.max(height)));
         let uses_depth = self.settings.depth.is_some();
-        let search = Search { at, side, depth: uses_depth.then_some(depth) };
+        let step = side / (COARSE * self.settings.window) + 1;
+        let search = Search { at, side, step, depth: uses_depth.then_some(depth) };
         let gain = light(&frame.colour, &self.room.0);
         let view = view((&self.room, &self.blind, self.lens), frame, gain);
         done(Stage::Light);
@@ -254,14 +274,28 @@ impl PointTracker {
                 .collect();
             *place = Some(Said { readings, area: (width * height) as f64 });
         }
+        let size = frame.colour.size();
+        let area = search.area(size);
+        let radius = self.radius(uses_depth.then_some(depth[0]));
+        let expected = (!self.lost).then_some(at);
+        let mut candidates = Vec::new();
         if self.settings.colour.is_some() {
-            let (readings, area) = self.colour.candidates(&view, &search);
+            if self.steps.is_multiple_of(EVERYWHERE) {
+                let anywhere = Search { at: [0.0; 2], side: usize::MAX, step: COARSE + 1, ..search };
+                candidates = self.colour.candidates(&view, &anywhere, 3 * CANDIDATES);
+            }
+            let mut readings = self.colour.candidates(&view, &search, CANDIDATES);
+            candidates.extend_from_slice(&readings);
+            self.rest.remove(&mut readings, expected, REACH * radius);
             said.push(Some(Said { readings, area }));
         }
         done(Stage::Colour);
         if uses_depth {
             let colours = self.settings.colour.is_some().then_some(&self.colour.colours);
-            let (readings, area) = self.arm.candidates(&view, &search, colours);
+            let mut readings = self.arm.candidates(&view, colours);
+            candidates.extend_from_slice(&readings);
+            readings.retain(|reading| search.holds(reading.at, size));
+            self.rest.remove(&mut readings, expected, REACH * radius);
             said.push(Some(Said { readings, area }));
         }
         done(Stage::Depth);
@@ -277,9 +311,15 @@ impl PointTracker {
         }
         done(Stage::Fusion);
         self.lost = fused.is_lost();
+        self.steps += 1;
         let spread = ((fused.covariance[0][0] + fused.covariance[1][1]) / 2.0).sqrt();
         let deep = uses_depth.then_some(fused.depth[0]);
-        let radius = PALM * self.lens.focal[0] / deep.unwrap_or(2000.0).max(300.0);
+        let radius = self.radius(deep);
+        self.rest.learn(
+            candidates.into_iter(),
+            (fused.p_lost < DOUBTFUL).then_some(fused.at),
+            REACH * radius,
+        );
         if self.settings.colour.is_some() && fused.p_lost < DOUBTFUL && spread < KNOWN * radius {
             self.learn(frame, gain, fused.at, deep);
         }

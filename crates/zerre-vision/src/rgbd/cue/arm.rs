@@ -2,7 +2,7 @@
 //! Seidel and Theobalt, ICCV 2011), where a surface ends when its depth jumps. A hand before the chest is far along the
 //! arm, and near in the picture.
 
-use super::{HandColours, NO_DEPTH, Search, View, nearer_by};
+use super::{HandColours, NO_DEPTH, View, nearer_by};
 use crate::rgbd::Reading;
 
 /// Pixels of a cell's side.
@@ -13,8 +13,10 @@ const STEP: f32 = 60.0;
 const JUMP: f32 = 100.0;
 /// How far along the surface an end must stand out from what it belongs to, millimetres.
 const STANDS_OUT: f32 = 90.0;
-/// Length of a hand along the surface, millimetres.
-const HAND: f32 = 150.0;
+/// How far the middle of the palm is from the tip of the longest finger along the surface, millimetres.
+const PALM_FROM_TIP: f32 = 110.0;
+/// How far on both sides of that cells are still the palm's.
+const PALM_REACH: f32 = 40.0;
 /// Cells of the middle of the body are within this of its median place and depth: pixels and millimetres.
 const MIDDLE: [f32; 2] = [50.0, 90.0];
 /// Distances are rounded to so many millimetres where the nearest cell is looked for.
@@ -52,31 +54,20 @@ struct End {
 }
 
 impl ArmEnd {
-    /// The ends of the body in the window, and the area that was searched. Where the hand's colours are known, an end of
+    /// The ends of the body, as hands: where the middle of a palm would be. Where the hand's colours are known, an end of
     /// other colours is doubted.
-    pub fn candidates(
-        &mut self,
-        view: &View<'_>,
-        search: &Search,
-        colours: Option<&HandColours>,
-    ) -> (Vec<Reading>, f64) {
-        let window = search.window(view.colour.size());
-        let area = (window[2] * window[3]) as f64;
+    pub fn candidates(&mut self, view: &View<'_>, colours: Option<&HandColours>) -> Vec<Reading> {
         self.survey(view);
         if !self.measure() {
-            return (Vec::new(), area);
+            return Vec::new();
         }
         let ends = self.ends();
-        let mut readings = Vec::new();
-        for end in ends {
-            let Some((at, depth, odds)) = self.hand(end.cell, view, colours) else { continue };
-            let inside = |v: f64, first: usize, count: usize| v >= first as f64 && v < (first + count) as f64;
-            if inside(at[0], window[0], window[2]) && inside(at[1], window[1], window[3]) {
-                let sure = f64::from(end.stands_out / (end.stands_out + STANDS_OUT)).min(0.95);
-                readings.push(Reading { at, depth_mm: Some(depth), confidence: sure * odds });
-            }
-        }
-        (readings, area)
+        let reading = |end: End| {
+            let (at, depth, odds) = self.hand(end.cell, view, colours)?;
+            let sure = f64::from(end.stands_out / (end.stands_out + STANDS_OUT)).min(0.95);
+            Some(Reading { at, depth_mm: Some(depth), confidence: sure * odds })
+        };
+        ends.into_iter().filter_map(reading).collect()
     }
 
     /// The cells of what stands before the room.
@@ -280,7 +271,9 @@ impl ArmEnd {
             let i = reached[next] as usize;
             next += 1;
             let cell = self.cells[i];
-            let n = f64::from(cell.pixels);
+            let back = tip.far - cell.far;
+            let palm = (back - PALM_FROM_TIP).abs() < PALM_REACH;
+            let n = if palm { f64::from(cell.pixels) } else { 0.0 };
             weight += n;
             sum[0] += n * f64::from(cell.at[0]);
             sum[1] += n * f64::from(cell.at[1]);
@@ -291,13 +284,17 @@ impl ArmEnd {
             for (k, _, jumps) in Self::neighbours(&self.cells, self.columns, i) {
                 let there = &self.cells[k];
                 let [a, b, c] = [0, 1, 2].map(|d| there.point[d] - tip.point[d]);
-                let near = (a * a + b * b + c * c).sqrt() < HAND;
-                if !jumps && near && there.far > tip.far - HAND && !reached.contains(&(k as u32)) {
+                let near = (a * a + b * b + c * c).sqrt() < PALM_FROM_TIP + 1.5 * PALM_REACH;
+                if !jumps
+                    && near
+                    && there.far > tip.far - PALM_FROM_TIP - PALM_REACH
+                    && !reached.contains(&(k as u32))
+                {
                     reached.push(k as u32);
                 }
             }
         }
-        if reached.len() < 4 {
+        if reached.len() < 4 || weight == 0.0 {
             return None;
         }
         let odds = if colours.is_some_and(|c| !c.is_empty()) { odds / weight } else { 1.0 };

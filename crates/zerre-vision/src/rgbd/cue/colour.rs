@@ -1,7 +1,7 @@
 //! The hand by its colours: how much more often a colour is the hand's than something else's (Swain and Ballard,
 //! International Journal of Computer Vision 7, 1991), summed over discs of a palm's size, refined by the mean shift.
 
-use super::{PALM, Search, View, Window, is_before_room, part};
+use super::{PALM, Search, View, Window, is_before_room};
 use crate::operator::Integral;
 use crate::rgbd::{NO_DEPTH, Reading};
 use crate::{Frame, Image};
@@ -14,10 +14,10 @@ const RATE: f32 = 0.04;
 const ANCHOR: f32 = 0.3;
 /// Least share of a bin: what has never been seen says nothing.
 const UNSEEN: f32 = 1e-4;
-/// Candidates at most.
-const MOST: usize = 4;
 /// Response of a disc below which it is no candidate.
 const FAINT: f64 = 0.25;
+/// Radius of the mean shift's disc, in radii of a palm: larger ones lean to the fingers.
+const SHIFT: f64 = 1.15;
 /// A frame outside the window is counted in this raster.
 const RASTER: usize = 7;
 
@@ -114,61 +114,67 @@ impl HandColours {
 }
 
 /// The cue, and the memory that it uses again.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct ColourCue {
     /// The colours of the hand.
     pub colours: HandColours,
     /// Of the last window, how much of a hand each pixel is.
-    share: Vec<f32>,
+    share: Image<f32>,
+}
+
+impl Default for ColourCue {
+    fn default() -> ColourCue {
+        ColourCue { colours: HandColours::default(), share: Image::filled(1, 1, 0.0) }
+    }
 }
 
 impl ColourCue {
-    /// Where the hand may be, the most likely first, and the area that was searched.
-    pub fn candidates(&mut self, view: &View<'_>, search: &Search) -> (Vec<Reading>, f64) {
-        let frame = view.colour;
-        let window = search.window(frame.size());
-        let area = (window[2] * window[3]) as f64;
+    /// Where the hand may be, the most likely first, so many at most.
+    pub fn candidates(&mut self, view: &View<'_>, search: &Search, most: usize) -> Vec<Reading> {
         if self.colours.is_empty() {
-            return (Vec::new(), area);
+            return Vec::new();
         }
-        self.weigh(view, search, window);
-        let [left, top, columns, rows] = window;
-        let Ok(share) = Image::new(columns, rows, std::mem::take(&mut self.share)) else {
-            return (Vec::new(), area);
-        };
-        let radius = radius(view, search);
-        let found = peaks(&share, radius);
+        let window = search.window(view.colour.size());
+        let step = search.step.max(1);
+        let share = self.weigh(view, search, window);
+        let radius = radius(view, search) / step as f64;
+        let found = peaks(&share, radius, most);
         let readings = found.into_iter().map(|(at, strength)| {
-            let [x, y] = shift(&share, at, 1.4 * radius);
-            let place = [left as f64 + x, top as f64 + y];
-            let depth_mm = search.depth.and_then(|_| depth_about(view, &share, window, [x, y], radius));
+            let at = shift(&share, at, SHIFT * radius);
+            let depth_mm = search.depth.and_then(|_| depth_about(view, &share, (window, step), at, radius));
+            let place = [0, 1].map(|k| window[k] as f64 + step as f64 * at[k]);
             Reading { at: place, depth_mm, confidence: strength.clamp(0.0, 1.0) }
         });
-        let readings = apart(readings.collect(), radius);
-        self.share = share.pixels().to_vec();
-        (readings, area)
+        let readings = apart(readings.collect(), radius * step as f64);
+        self.share = share;
+        readings
+    }
+
+    /// What the last search made of its window, from black to white, for people to look at.
+    pub fn picture(&self) -> Frame {
+        self.share.map(|v| [(255.0 * v) as u8; 3])
     }
 
     /// How much of a hand each pixel of the window is: by its colour, if it is before the room and not of another depth.
-    fn weigh(&mut self, view: &View<'_>, search: &Search, window: Window) {
+    fn weigh(&mut self, view: &View<'_>, search: &Search, window: Window) -> Image<f32> {
         let light = view.gain.map(f32::recip);
-        self.share.clear();
+        let [left, top, columns, rows] = window;
+        let (step, width) = (search.step.max(1), view.colour.width());
         let depth = view.depth.pixels();
-        for (first, row) in part(view.colour, window) {
-            self.share.extend(row.iter().enumerate().map(|(x, &pixel)| {
-                let odds = self.colours.odds[bin(pixel, light)];
-                if odds < 0.1 || !is_before_room(view, first + x) {
-                    return 0.0;
+        Image::from_fn(columns.div_ceil(step), rows.div_ceil(step), |x, y| {
+            let i = (top + step * y) * width + left + step * x;
+            let odds = self.colours.odds[bin(view.colour.pixels()[i], light)];
+            if odds < 0.1 || !is_before_room(view, i) {
+                return 0.0;
+            }
+            match search.depth {
+                Some([mean, sd]) if depth[i] != NO_DEPTH => {
+                    let off = (f64::from(depth[i]) - mean).abs();
+                    if off < 120.0 + 3.0 * sd { odds } else { 0.0 }
                 }
-                match search.depth {
-                    Some([mean, sd]) if depth[first + x] != NO_DEPTH => {
-                        let off = (f64::from(depth[first + x]) - mean).abs();
-                        if off < 120.0 + 3.0 * sd { odds } else { 0.0 }
-                    }
-                    _ => odds,
-                }
-            }));
-        }
+                _ => odds,
+            }
+        })
     }
 }
 
@@ -179,7 +185,7 @@ pub(super) fn radius(view: &View<'_>, search: &Search) -> f64 {
 }
 
 /// Places where a disc is full and its surroundings are not so, the best first.
-fn peaks(share: &Image<f32>, radius: f64) -> Vec<([f64; 2], f64)> {
+fn peaks(share: &Image<f32>, radius: f64, most: usize) -> Vec<([f64; 2], f64)> {
     let sums = Integral::of(share, |&v| f64::from(v));
     // A square of a disc's area, and one of twice its side about it.
     let inner = (1.77 * radius).round().max(1.0) as usize;
@@ -209,7 +215,7 @@ fn peaks(share: &Image<f32>, radius: f64) -> Vec<([f64; 2], f64)> {
         if kept.iter().all(|(other, _)| (other[0] - at[0]).hypot(other[1] - at[1]) > 1.5 * radius) {
             kept.push((at, value));
         }
-        if kept.len() == MOST {
+        if kept.len() == most {
             break;
         }
     }
@@ -254,7 +260,7 @@ fn shift(share: &Image<f32>, mut at: [f64; 2], radius: f64) -> [f64; 2] {
 fn depth_about(
     view: &View<'_>,
     share: &Image<f32>,
-    window: Window,
+    (window, step): (Window, usize),
     at: [f64; 2],
     radius: f64,
 ) -> Option<f64> {
@@ -264,7 +270,7 @@ fn depth_about(
         if dy.abs() > radius {
             continue;
         }
-        let depth = &view.depth.row(window[1] + y)[window[0]..];
+        let depth = view.depth.row(window[1] + step * y)[window[0]..].iter().step_by(step);
         for (x, (&odds, &z)) in share.row(y).iter().zip(depth).enumerate() {
             let dx = x as f64 + 0.5 - at[0];
             if odds > 0.3 && z != NO_DEPTH && dx * dx + dy * dy < radius * radius {
@@ -287,13 +293,4 @@ fn apart(all: Vec<Reading>, radius: f64) -> Vec<Reading> {
         }
     }
     kept
-}
-
-/// The pixels of a window as a picture of how much of a hand each is, for people to look at.
-impl ColourCue {
-    /// What the last search made of its window, from black to white.
-    pub fn picture(&self, columns: usize) -> Frame {
-        let rows = self.share.len() / columns.max(1);
-        Frame::from_fn(columns, rows, |x, y| [(255.0 * self.share[y * columns + x]) as u8; 3])
-    }
 }

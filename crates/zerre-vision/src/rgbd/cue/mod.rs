@@ -2,12 +2,14 @@
 
 mod arm;
 mod colour;
+mod others;
 
 pub use arm::ArmEnd;
 pub use colour::{ColourCue, HandColours};
+pub use others::Others;
 
 use super::{Depth, Intrinsics, NO_DEPTH};
-use crate::{Frame, Image};
+use crate::Frame;
 
 /// A frame beside the empty room.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +35,8 @@ pub struct Search {
     pub at: [f64; 2],
     /// Side of the window about it, pixels.
     pub side: usize,
+    /// Every pixel is looked at (1), every second one in both directions (2), ...
+    pub step: usize,
     /// Depth that it should have, millimetres, and its standard deviation; `None` where depth is not used.
     pub depth: Option<[f64; 2]>,
 }
@@ -41,6 +45,19 @@ pub struct Search {
 type Window = [usize; 4];
 
 impl Search {
+    /// Whether a place is in the window, on a frame of this size.
+    pub fn holds(&self, [x, y]: [f64; 2], frame: (usize, usize)) -> bool {
+        let [left, top, columns, rows] = self.window(frame);
+        let inside = |v: f64, first: usize, count: usize| v >= first as f64 && v < (first + count) as f64;
+        inside(x, left, columns) && inside(y, top, rows)
+    }
+
+    /// Square pixels of the window, on a frame of this size.
+    pub fn area(&self, frame: (usize, usize)) -> f64 {
+        let [_, _, columns, rows] = self.window(frame);
+        (columns * rows) as f64
+    }
+
     /// The window as far as it is on a frame of this size: a point beyond the border is looked for at the border.
     fn window(&self, (width, height): (usize, usize)) -> Window {
         let cut = |centre: f64, count: usize| {
@@ -100,10 +117,4 @@ pub fn light(frame: &Frame, room: &Frame) -> [f32; 3] {
         let middle = all.len() / 2;
         if all.len() < 10 { 1.0 } else { *all.select_nth_unstable_by(middle, f32::total_cmp).1 }
     })
-}
-
-/// The part of a picture in a window.
-fn part<P: Copy>(image: &Image<P>, [x, y, columns, rows]: Window) -> impl Iterator<Item = (usize, &[P])> {
-    let width = image.width();
-    (y..y + rows).map(move |row| (row * width + x, &image.row(row)[x..x + columns]))
 }
