@@ -1,5 +1,7 @@
 //! `zerre simulate`: measurements and truth of a scenario.
 
+mod recording;
+
 use crate::Exit;
 use crate::args::{Global, Simulate};
 use crate::config::{Problem, Source};
@@ -14,12 +16,16 @@ use std::time::Instant;
 use zerre_lab::scenario::{self, Invalid, Measured, Measures, Run, SCENARIOS, Scenario, Target, TruePoint};
 use zerre_vision::clip::{CLIPS, Clip, Named};
 use zerre_vision::frames::folder::png;
+use zerre_vision::rgbd::scene::SCENES;
 
 const COMMAND: &str = "simulate";
 
 pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
     if let Some(clip) = CLIPS.iter().find(|clip| clip.name == args.scenario) {
         return draw_clip(clip, args, options, console);
+    }
+    if let Some(scene) = SCENES.iter().find(|scene| scene.name == args.scenario) {
+        return recording::draw(scene, args, options, console);
     }
     let since = Instant::now();
     let scenario = find(&args.scenario)?;
@@ -142,8 +148,8 @@ fn find(name: &str) -> Result<Scenario, Diagnostic> {
     }
     let path = Path::new(name);
     if path.extension().is_none() && path.components().count() == 1 && !path.is_file() {
-        let clips = CLIPS.iter().map(|clip| clip.name);
-        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).chain(clips).collect();
+        let pictures = CLIPS.iter().map(|clip| clip.name).chain(SCENES.iter().map(|scene| scene.name));
+        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).chain(pictures).collect();
         let unknown = Diagnostic::usage(format!("there is no scenario `{name}`"));
         return Err(suggest(unknown, name, &known).help("`zerre init scenario` writes one to change"));
     }

@@ -111,7 +111,12 @@ impl Pictures {
 /// # Errors
 /// A file that cannot be read, is no picture or ends early.
 pub fn frame(path: &Path) -> Result<Frame> {
-    let picture = decode(path)?.into_rgb8();
+    frame_of(&bytes(path)?, path)
+}
+
+/// The picture in these bytes, which are those of the file `path`.
+pub(crate) fn frame_of(bytes: &[u8], path: &Path) -> Result<Frame> {
+    let picture = decode(bytes, path)?.into_rgb8();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     Image::new(width, height, picture.into_raw().as_chunks::<3>().0.to_vec())
 }
@@ -149,7 +154,12 @@ fn encode(pixels: &[u8], (width, height): (usize, usize), kind: ExtendedColorTyp
 /// # Errors
 /// A file that cannot be read, ends early, or has another kind of pixels.
 pub fn depth(path: &Path) -> Result<Image<u16>> {
-    match decode(path)? {
+    depth_of(&bytes(path)?, path)
+}
+
+/// The depth picture in these bytes, which are those of the file `path`.
+pub(crate) fn depth_of(bytes: &[u8], path: &Path) -> Result<Image<u16>> {
+    match decode(bytes, path)? {
         DynamicImage::ImageLuma16(picture) => {
             Image::new(picture.width() as usize, picture.height() as usize, picture.into_raw())
         }
@@ -182,10 +192,15 @@ pub(crate) fn number(path: &Path) -> Option<u64> {
     split(path).map(|(_, number, _)| number)
 }
 
-fn decode(path: &Path) -> Result<DynamicImage> {
+fn bytes(path: &Path) -> Result<Vec<u8>> {
+    let refuse =
+        |error| Error::Picture { path: path.to_owned(), problem: format!("it cannot be read: {error}") };
+    fs::read(path).map_err(refuse)
+}
+
+fn decode(bytes: &[u8], path: &Path) -> Result<DynamicImage> {
     let refuse = |problem: String| Error::Picture { path: path.to_owned(), problem };
-    let bytes = fs::read(path).map_err(|error| refuse(format!("it cannot be read: {error}")))?;
-    if is_cut_jpeg(&bytes) {
+    if is_cut_jpeg(bytes) {
         return Err(refuse("the picture ends early: copy the file again".to_owned()));
     }
     let reader = ImageReader::new(Cursor::new(bytes));

@@ -19,7 +19,8 @@ pub struct Background {
 pub struct RunningSettings {
     /// Frames over which the room is averaged.
     pub memory: f64,
-    /// Frames that something must stay to become part of the room: a person who stands still is none for so long.
+    /// Frames that something must stay to become part of the room: a person who stands still is none for so
+    /// long.
     pub patience: u16,
     /// Frames that something farther away than the room must be seen to be the room: it cannot be before it.
     pub revealed: u16,
@@ -117,9 +118,10 @@ impl Background {
         &self.depth
     }
 
-    /// Learns from a frame, if it learns at all. Pixels that `foreground` has not as 0 are not the room whatever they look
-    /// like; others are where they look like it, in depth if that is known and else in colour, the light apart. What
-    /// stays different for [`RunningSettings::patience`] frames becomes the room, under the mask too.
+    /// Learns from a frame, if it learns at all. Pixels that `foreground` has not as 0 are not the room
+    /// whatever they look like; others are where they look like it, in depth if that is known and else in
+    /// colour, the light apart. What stays different for [`RunningSettings::patience`] frames becomes the
+    /// room, under the mask too.
     ///
     /// # Errors
     /// A picture of another size.
@@ -149,7 +151,8 @@ impl Background {
         Ok(())
     }
 
-    /// Share of the frames of late in which the depth of a pixel was measured; `None` of a room that does not learn.
+    /// Share of the frames of late in which the depth of a pixel was measured; `None` of a room that does not
+    /// learn.
     pub fn validity(&self, x: usize, y: usize) -> Option<f64> {
         let running = self.running.as_ref()?;
         let inside = x < self.colour.width() && y < self.colour.height();
@@ -212,8 +215,8 @@ impl Pixel {
     }
 }
 
-/// The median of a recording, pixel by pixel: what most frames show. Frames are thinned out evenly as they come, so that no
-/// more than a number of them is in memory.
+/// The median of a recording, pixel by pixel: what most frames show. Frames are thinned out evenly as they
+/// come, so that no more than a number of them is in memory.
 #[derive(Clone, Debug)]
 pub struct MedianRoom {
     most: usize,
@@ -257,8 +260,8 @@ impl MedianRoom {
         Ok(())
     }
 
-    /// The room: the median of each channel, and of the depths that were measured, where at least a fifth of the frames has
-    /// one. Of an even number, the lower of both in the middle.
+    /// The room: the median of each channel, and of the depths that were measured, where at least a fifth of
+    /// the frames has one. Of an even number, the lower of both in the middle.
     ///
     /// # Errors
     /// No frame.
@@ -309,7 +312,8 @@ mod tests {
         Scene::new(SceneSettings { size: [160, 120], ..SceneSettings::default() }, 4).unwrap()
     }
 
-    /// Share of the pixels at which the room's depth is known and nearer than the empty one by more than its noise.
+    /// Share of the pixels at which the room's depth is known and nearer than the empty one by more than its
+    /// noise.
     fn too_near(room: &Background, scene: &Scene) -> f64 {
         let (_, empty) = scene.background();
         let pairs = room.depth().pixels().iter().zip(empty.pixels());
@@ -363,7 +367,8 @@ mod tests {
         assert_eq!(kept, (0..100).step_by(8).collect::<Vec<u8>>());
     }
 
-    /// Where the moving hand is beside the body, the median shows what is behind it; every frame shows the hand.
+    /// Where the moving hand is beside the body, the median shows what is behind it; every frame shows the
+    /// hand.
     #[test]
     fn what_moves_is_not_in_the_median() {
         let scene = small();
@@ -388,8 +393,8 @@ mod tests {
         assert!(count > 40 && there == 0 && 10 * gone > 8 * count, "{there} {gone} of {count}");
     }
 
-    /// A person who walks in and stands still is no part of the room for `patience` frames, with and without a mask, and is
-    /// afterwards.
+    /// A person who walks in and stands still is no part of the room for `patience` frames, with and without
+    /// a mask, and is afterwards.
     #[test]
     fn who_stands_still_is_not_absorbed_before_time() {
         let scene = small();
@@ -415,8 +420,8 @@ mod tests {
         }
     }
 
-    /// Learnt from a first frame with the person in it: what the person leaves becomes the room within `revealed` frames, and
-    /// the light's changes go into the colours.
+    /// Learnt from a first frame with the person in it: what the person leaves becomes the room within
+    /// `revealed` frames, and the light's changes go into the colours.
     #[test]
     fn what_is_revealed_is_the_room() {
         let scene = small();

@@ -58,10 +58,10 @@ const SCALE: f64 = 0.001;
 const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl CameraFile {
-    /// Reads a file of JSON: an object with `colour` and, where depth is not registered, `depth` (each with `focal` and
-    /// `principal`, two numbers in pixels), `rotation` (three rows) and `translation` (metres) from the depth camera to the
-    /// colour camera; or with the matrices `Kdepth`, `Krgb`, `R` and `T`. Either may have `depth_scale` (metres per unit) and
-    /// `invalid`.
+    /// Reads a file of JSON: an object with `colour` and, where depth is not registered, `depth` (each with
+    /// `focal` and `principal`, two numbers in pixels), `rotation` (three rows) and `translation` (metres)
+    /// from the depth camera to the colour camera; or with the matrices `Kdepth`, `Krgb`, `R` and `T`. Either
+    /// may have `depth_scale` (metres per unit) and `invalid`.
     ///
     /// # Errors
     /// A file that cannot be read, other keys, numbers that are no camera.

@@ -1,10 +1,12 @@
-//! Recordings that are folders of pictures: which picture of depth belongs to which of colours, and when it was taken.
+//! Recordings that are folders of pictures: which picture of depth belongs to which of colours, and when it
+//! was taken.
 
+use super::Source;
 use crate::frames::folder::{Pictures, Place, number};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use zerre::Time;
 
 /// A place in a recording.
@@ -13,8 +15,8 @@ pub(super) struct Entry {
     pub(super) name: String,
     pub(super) time: Time,
     /// None if it is missing although those before and after it are there.
-    pub(super) colour: Option<PathBuf>,
-    pub(super) depth: Option<PathBuf>,
+    pub(super) colour: Option<Source>,
+    pub(super) depth: Option<Source>,
 }
 
 /// The places of a recording, and the number of depth pictures that belong to none.
@@ -38,8 +40,8 @@ fn text(path: &Path) -> Result<String> {
     fs::read_to_string(path).map_err(|error| refuse(path, format!("it cannot be read: {error}")))
 }
 
-/// Lists what a folder has: the layout of the TUM benchmark, or folders of colours and of depth with the same numbers, and
-/// with times if there are some.
+/// Lists what a folder has: the layout of the TUM benchmark, or folders of colours and of depth with the same
+/// numbers, and with times if there are some.
 pub(super) fn list(folder: &Path, rate_hz: f64, apart_s: f64) -> Result<Listed> {
     if folder.join("associations.txt").is_file()
         || folder.join("rgb.txt").is_file() && folder.join("depth.txt").is_file()
@@ -77,7 +79,7 @@ fn numbered(folder: &Path, colours: &Path, rate_hz: f64) -> Result<Listed> {
     let mut before = None;
     for (index, place) in colours.places().iter().enumerate() {
         let (id, name, colour) = match place {
-            Place::File(path) => (key(path), name(path), Some(path.clone())),
+            Place::File(path) => (key(path), name(path), Some(Source::File(path.clone()))),
             Place::Missing(number) => (Key::Number(*number), format!("number {number}"), None),
         };
         let time = match &times {
@@ -94,7 +96,8 @@ fn numbered(folder: &Path, colours: &Path, rate_hz: f64) -> Result<Listed> {
             return Err(refuse(&folder.join(TIMES), problem));
         }
         before = Some(time);
-        entries.push(Entry { name, time, colour, depth: partners.remove(&id) });
+        let depth = partners.remove(&id).map(Source::File);
+        entries.push(Entry { name, time, colour, depth });
     }
     Ok(Listed { entries, alone: partners.len(), scale: 0.001 })
 }
@@ -142,8 +145,8 @@ fn read_times(path: &Path) -> Result<BTreeMap<Key, Time>> {
     Ok(times)
 }
 
-/// The layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012): pictures with their times, 5000 units of depth to the
-/// metre.
+/// The layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012): pictures with their times, 5000 units of
+/// depth to the metre.
 fn listed_by_time(folder: &Path, apart_s: f64) -> Result<Listed> {
     let scale = 1.0 / 5000.0;
     let pairs = folder.join("associations.txt");
@@ -158,8 +161,8 @@ fn listed_by_time(folder: &Path, apart_s: f64) -> Result<Listed> {
             Ok(Entry {
                 name: name(Path::new(colour)),
                 time: seconds(&pairs, line, time)?,
-                colour: Some(folder.join(colour)),
-                depth: Some(folder.join(depth)),
+                colour: Some(Source::File(folder.join(colour))),
+                depth: Some(Source::File(folder.join(depth))),
             })
         });
         let mut entries = entries.collect::<Result<Vec<Entry>>>()?;
@@ -182,8 +185,8 @@ fn listed_by_time(folder: &Path, apart_s: f64) -> Result<Listed> {
     let entries = colours.into_iter().zip(near).map(|((time, file), partner)| Entry {
         name: name(Path::new(&file)),
         time,
-        colour: Some(folder.join(&file)),
-        depth: partner.map(|at| folder.join(&depths[at].1)),
+        colour: Some(Source::File(folder.join(&file))),
+        depth: partner.map(|at| Source::File(folder.join(&depths[at].1))),
     });
     let entries = entries.collect();
     nonempty(&folder.join("rgb.txt"), Listed { entries, alone: depths.len() - used, scale })

@@ -1,7 +1,14 @@
-//! Recordings of colour and depth, frame by frame: folders of pictures and, with the feature `mcap`, MCAP files.
+//! Recordings of colour and depth, frame by frame: folders of pictures and, with the feature `mcap`, MCAP
+//! files.
 
 mod cameras;
 mod folders;
+#[cfg(feature = "mcap")]
+mod mcap;
+#[cfg(all(test, feature = "mcap"))]
+mod mcap_tests;
+#[cfg(feature = "mcap")]
+mod message;
 #[cfg(test)]
 mod tests;
 
@@ -26,11 +33,21 @@ pub struct RecordingOptions {
     pub invalid: Option<u16>,
     /// Longest time between a picture of colours and one of depth that belong together, seconds.
     pub apart_s: f64,
+    /// Topics of colours and of depth in an MCAP file; without them the first ones, of depth that has `depth`
+    /// in its name.
+    pub topics: [Option<String>; 2],
 }
 
 impl Default for RecordingOptions {
     fn default() -> RecordingOptions {
-        RecordingOptions { camera: None, rate_hz: 30.0, depth_scale: None, invalid: None, apart_s: 0.02 }
+        RecordingOptions {
+            camera: None,
+            rate_hz: 30.0,
+            depth_scale: None,
+            invalid: None,
+            apart_s: 0.02,
+            topics: [None, None],
+        }
     }
 }
 
@@ -49,12 +66,12 @@ pub struct Outcomes {
     pub depth_alone: usize,
 }
 
-/// The frames of a recording, with depth in the pixels of the colours, one by one. Only the frame that is handed out is in
-/// memory. An error stands for its frame alone: the next one may be good.
+/// The frames of a recording, with depth in the pixels of the colours, one by one. Only the frame that is
+/// handed out is in memory. An error stands for its frame alone: the next one may be good.
 #[derive(Debug)]
 pub struct Recording {
-    entries: std::vec::IntoIter<Entry>,
-    expected: usize,
+    entries: Entries,
+    expected: Option<usize>,
     next: usize,
     camera: Option<Camera>,
     register: bool,
@@ -67,15 +84,58 @@ pub struct Recording {
     room: Option<[PathBuf; 2]>,
 }
 
+#[derive(Debug)]
+enum Entries {
+    Files(std::vec::IntoIter<Entry>),
+    #[cfg(feature = "mcap")]
+    Mcap(Box<mcap::Messages>),
+}
+
+/// Where a picture is.
+#[derive(Clone, Debug, PartialEq)]
+enum Source {
+    File(PathBuf),
+    #[cfg(feature = "mcap")]
+    Message(message::Message),
+}
+
+impl Source {
+    fn frame(&self) -> Result<Frame> {
+        match self {
+            Source::File(path) => folder::frame(path),
+            #[cfg(feature = "mcap")]
+            Source::Message(message) => message.frame().map_err(in_message),
+        }
+    }
+
+    /// In units of so many metres.
+    fn depth(&self, scale: f64, invalid: u16) -> Result<Depth> {
+        #[cfg(not(feature = "mcap"))]
+        let _ = (scale, invalid);
+        match self {
+            Source::File(path) => folder::depth(path),
+            #[cfg(feature = "mcap")]
+            Source::Message(message) => message.depth(scale, invalid).map_err(in_message),
+        }
+    }
+}
+
+#[cfg(feature = "mcap")]
+fn in_message(problem: String) -> Error {
+    Error::Input { input: "message".to_owned(), problem }
+}
+
 /// Pictures of the empty room: colours, and depth.
 const ROOM: [&[&str]; 2] = [&["background_rgb.png", "background_rgb.jpg"], &["background_depth.png"]];
 
 impl Recording {
-    /// Opens a folder: with folders `rgb` and `depth` whose pictures have the same numbers (and `times.csv`, if there is
-    /// one), or as the TUM benchmark has it (`rgb.txt`, `depth.txt`, `associations.txt`).
+    /// Opens a folder: with folders `rgb` and `depth` whose pictures have the same numbers (and `times.csv`,
+    /// if there is one), or as the TUM benchmark has it (`rgb.txt`, `depth.txt`, `associations.txt`); or,
+    /// with the feature `mcap`, a file of pictures as Foxglove or ROS 2 have them.
     ///
     /// # Errors
-    /// Nothing under this name, another layout, a camera file that is none, pictures of different sizes without cameras.
+    /// Nothing under this name, another layout, a camera file that is none, pictures of different sizes
+    /// without cameras.
     pub fn open(path: &Path, options: &RecordingOptions) -> Result<Recording> {
         let refuse =
             |problem: &str| Error::Input { input: path.display().to_string(), problem: problem.to_owned() };
@@ -83,18 +143,36 @@ impl Recording {
             let needs = "it must be positive, frames per second";
             return Err(Error::OutOfRange { what: "rate_hz", value: options.rate_hz, needs });
         }
-        if !path.is_dir() {
+        let files = path.is_dir();
+        let (entries, expected, alone, usual) = if files {
+            let listed = folders::list(path, options.rate_hz, options.apart_s)?;
+            let expected = listed.entries.len();
+            (Entries::Files(listed.entries.into_iter()), Some(expected), listed.alone, listed.scale)
+        } else if !path.is_file() {
             return Err(refuse(
                 "there is no such folder: a recording of colour and depth is a folder of pictures",
             ));
-        }
-        let listed = folders::list(path, options.rate_hz, options.apart_s)?;
-        let beside =
-            [Some(path), path.parent()].into_iter().flatten().map(|folder| folder.join("camera.json"));
-        let file = options.camera.clone().or_else(|| beside.filter(|file| file.is_file()).next());
+        } else if path.extension().is_none_or(|ending| ending != "mcap") {
+            return Err(refuse(
+                "a recording of colour and depth is a folder of pictures, or a file that ends in .mcap",
+            ));
+        } else {
+            #[cfg(feature = "mcap")]
+            {
+                let messages = mcap::Messages::open(path, &options.topics, options.apart_s)?;
+                (Entries::Mcap(Box::new(messages)), None, 0, 0.001)
+            }
+            #[cfg(not(feature = "mcap"))]
+            return Err(refuse("this program is built without the feature `mcap`, which reads such files"));
+        };
+        let mut beside = [files.then_some(path), path.parent()]
+            .into_iter()
+            .flatten()
+            .map(|folder| folder.join("camera.json"));
+        let file = options.camera.clone().or_else(|| beside.find(|file| file.is_file()));
         let cameras = file.as_deref().map(CameraFile::read).transpose()?;
         let of_file = |read: fn(&CameraFile) -> Option<f64>| cameras.as_ref().and_then(read);
-        let scale = options.depth_scale.or(of_file(|file| file.depth_scale)).unwrap_or(listed.scale);
+        let scale = options.depth_scale.or(of_file(|file| file.depth_scale)).unwrap_or(usual);
         if !(scale > 0.0 && scale.is_finite()) {
             let needs = "it must be positive, metres per unit";
             return Err(Error::OutOfRange { what: "depth_scale", value: scale, needs });
@@ -102,12 +180,12 @@ impl Recording {
         let invalid = options.invalid.or(cameras.and_then(|file| file.invalid)).unwrap_or(NO_DEPTH);
         let camera = cameras.map(|file| Camera { depth_scale: scale, invalid, ..file.camera });
         let register = cameras.is_some_and(|file| !file.is_registered());
-        if !register {
-            same_size(path, &listed.entries)?;
+        if let (false, Entries::Files(entries)) = (register, &entries) {
+            same_size(path, entries.as_slice())?;
         }
         Ok(Recording {
-            expected: listed.entries.len(),
-            entries: listed.entries.into_iter(),
+            expected,
+            entries,
             next: 0,
             camera,
             register,
@@ -116,7 +194,7 @@ impl Recording {
             invalid,
             size: None,
             room: room(path),
-            outcomes: Outcomes { depth_alone: listed.alone, ..Outcomes::default() },
+            outcomes: Outcomes { depth_alone: alone, ..Outcomes::default() },
         })
     }
 
@@ -125,33 +203,37 @@ impl Recording {
         self.camera
     }
 
-    /// The empty room: colours, and depth in their pixels, of a folder that has pictures of it (`background_rgb.png` or
-    /// `.jpg`, and `background_depth.png`).
+    /// The empty room: colours, and depth in their pixels, of a folder that has pictures of it
+    /// (`background_rgb.png` or `.jpg`, and `background_depth.png`).
     ///
     /// # Errors
     /// Pictures that cannot be read or are of different sizes.
     pub fn room(&mut self) -> Option<Result<(Frame, Depth)>> {
         let [colour, depth] = self.room.clone()?;
         Some(folder::frame(&colour).and_then(|colour| {
-            let depth = self.depth(&depth, colour.size())?;
+            let depth = self.depth(&Source::File(depth), colour.size())?;
             Ok((colour, depth))
         }))
     }
 
-    /// Number of frames, with those that are missing or cannot be read.
-    pub fn expected(&self) -> usize {
+    /// Number of frames, with those that are missing or cannot be read, where it is known before the end.
+    pub fn expected(&self) -> Option<usize> {
         self.expected
     }
 
     /// What became of the frames so far.
     pub fn outcomes(&self) -> Outcomes {
+        #[cfg(feature = "mcap")]
+        if let Entries::Mcap(messages) = &self.entries {
+            return Outcomes { depth_alone: messages.alone(), ..self.outcomes };
+        }
         self.outcomes
     }
 
     fn colour(&mut self, entry: &Entry) -> Result<Frame> {
         let missing =
             || Error::Input { input: entry.name.clone(), problem: "there is no such picture".to_owned() };
-        let frame = folder::frame(entry.colour.as_deref().ok_or_else(missing)?)?;
+        let frame = entry.colour.as_ref().ok_or_else(missing)?.frame()?;
         let expected = *self.size.get_or_insert(frame.size());
         if frame.size() != expected {
             return Err(Error::Size { found: frame.size(), expected });
@@ -160,8 +242,8 @@ impl Recording {
     }
 
     /// Depth in mm in the pixels of a picture of colours of this size.
-    fn depth(&mut self, path: &Path, size: (usize, usize)) -> Result<Depth> {
-        let raw = folder::depth(path)?;
+    fn depth(&mut self, source: &Source, size: (usize, usize)) -> Result<Depth> {
+        let raw = source.depth(self.scale, self.invalid)?;
         if let (true, Some(camera)) = (self.register, self.camera) {
             if self.registration.is_none() {
                 self.registration = Some(Registration::new(camera, raw.size(), size)?);
@@ -190,9 +272,20 @@ impl Iterator for Recording {
     type Item = Result<RgbdFrame>;
 
     fn next(&mut self) -> Option<Result<RgbdFrame>> {
-        let entry = self.entries.next()?;
+        let entry = match &mut self.entries {
+            Entries::Files(entries) => Ok(entries.next()?),
+            #[cfg(feature = "mcap")]
+            Entries::Mcap(messages) => messages.entry()?,
+        };
         let index = self.next;
         self.next += 1;
+        let entry: Entry = match entry {
+            Ok(entry) => entry,
+            Err(error) => {
+                self.outcomes.unreadable += 1;
+                return Some(Err(error));
+            }
+        };
         let colour = match self.colour(&entry) {
             Ok(colour) => colour,
             Err(error) => {
@@ -201,7 +294,7 @@ impl Iterator for Recording {
             }
         };
         let (width, height) = colour.size();
-        let depth = match entry.depth.as_deref().map(|path| self.depth(path, (width, height))) {
+        let depth = match entry.depth.as_ref().map(|source| self.depth(source, (width, height))) {
             Some(Ok(depth)) => depth,
             other => {
                 match other {
@@ -224,9 +317,11 @@ fn room(folder: &Path) -> Option<[PathBuf; 2]> {
 
 /// Refuses pictures of different sizes, as far as the first pair that can be read tells.
 fn same_size(folder: &Path, entries: &[Entry]) -> Result<()> {
-    let sizes = entries.iter().find_map(|entry| {
-        let (colour, depth) = (entry.colour.as_deref()?, entry.depth.as_deref()?);
-        Some((folder::size(colour).ok()?, folder::size(depth).ok()?))
+    let sizes = entries.iter().find_map(|entry| match (&entry.colour, &entry.depth) {
+        (Some(Source::File(colour)), Some(Source::File(depth))) => {
+            Some((folder::size(colour).ok()?, folder::size(depth).ok()?))
+        }
+        _ => None,
     });
     match sizes {
         Some((colour, depth)) if colour != depth => Err(Error::Input {

@@ -67,9 +67,9 @@ pub struct SceneFile {
 }
 
 impl Scene {
-    /// Files beside the pictures: `camera.json`, the empty room (`background_rgb.png`, `background_depth.png`), `truth.csv`
-    /// (places in pixels and mm), `joints.csv` (what the device reports: pixels, mm, confidence) and `labels.csv` (what people
-    /// have marked, pixels).
+    /// Files beside the pictures: `camera.json`, the empty room (`background_rgb.png`,
+    /// `background_depth.png`), `truth.csv` (places in pixels and mm), `joints.csv` (what the device reports:
+    /// pixels, mm, confidence) and `labels.csv` (what people have marked, pixels).
     ///
     /// # Errors
     /// A picture that cannot be written.

@@ -1,5 +1,6 @@
-//! Recordings that are drawn: a clothed person moves the right hand in a room that stands still, seen by a colour and a depth
-//! camera and by a device that follows joints. Where the hand is and how much of it can be seen is known exactly.
+//! Recordings that are drawn: a clothed person moves the right hand in a room that stands still, seen by a
+//! colour and a depth camera and by a device that follows joints. Where the hand is and how much of it can be
+//! seen is known exactly.
 //!
 //! Lengths are mm in the frame of the colour camera: x to the right, y down, z forward.
 
@@ -66,7 +67,8 @@ pub struct SceneTruth {
     pub hand_mm: [f64; 3],
     /// Share of the pixels of the hand that can be seen.
     pub visible: f64,
-    /// Whether at least half of its pixels lie before or behind trunk, head or other limbs; its own forearm does not count.
+    /// Whether at least half of its pixels lie before or behind trunk, head or other limbs; its own forearm
+    /// does not count.
     pub overlap: bool,
     /// The rest of the body.
     pub joints: Joints,
@@ -160,7 +162,8 @@ impl Scene {
         &self.looks
     }
 
-    /// Both cameras: of [`Scene::raw_depth`] and of colours. The depth of [`Scene::frame`] is that of the second.
+    /// Both cameras: of [`Scene::raw_depth`] and of colours. The depth of [`Scene::frame`] is that of the
+    /// second.
     pub fn camera(&self) -> Camera {
         self.camera
     }
@@ -439,7 +442,8 @@ impl Strip {
         Strip { from, axis: length.map(|v| v / square), length, radii: radii.map(|r| r as f32) }
     }
 
-    /// Share of the light: all of it within 0.7 radii, nothing 40 mm outside; below 0 and above 1 farther out and in.
+    /// Share of the light: all of it within 0.7 radii, nothing 40 mm outside; below 0 and above 1 farther out
+    /// and in.
     fn keeps(&self, [u, v, w]: [f32; 3]) -> f32 {
         let (a, b) = (u - self.from[0], v - self.from[1]);
         let share = (a * self.axis[0] + b * self.axis[1]).clamp(0.0, 1.0);

@@ -58,8 +58,8 @@ pub(super) struct Pose {
     roll: f64,
 }
 
-/// A person who moves. Lengths of the body are for 1.75 m; x to the right in the picture, y down, z away from the camera,
-/// from the middle of the pelvis.
+/// A person who moves. Lengths of the body are for 1.75 m; x to the right in the picture, y down, z away from
+/// the camera, from the middle of the pelvis.
 #[derive(Clone, Debug)]
 pub(super) struct Person {
     looks: Appearance,
@@ -105,7 +105,8 @@ impl Person {
         person
     }
 
-    /// Share of the frames, but for those on the way behind the back, in which half of the hand is before the body.
+    /// Share of the frames, but for those on the way behind the back, in which half of the hand is before the
+    /// body.
     fn overlap(&self, settings: &SceneSettings) -> f64 {
         let (mut count, mut over) = (0_u32, 0_u32);
         for k in 0..settings.frames {
@@ -215,7 +216,8 @@ impl Person {
     fn hand(&self, arm: Arm, own: bool, roll: f64, parts: &mut Vec<Part>) {
         let size = self.looks.height;
         let ahead = unit(sub(arm.palm, arm.elbow));
-        // The back of the hand towards the camera, turned about the forearm; of a forearm along the axis, upwards.
+        // The back of the hand towards the camera, turned about the forearm; of a forearm along the axis,
+        // upwards.
         let towards = across([0.0, -0.2, -1.0], ahead);
         let face = if length(towards) > 0.2 { unit(towards) } else { unit(across([0.0, -1.0, 0.0], ahead)) };
         let aside = cross(ahead, face);

@@ -110,7 +110,8 @@ impl Room {
         }
     }
 
-    /// As seen by a camera; `ray` makes the direction of a pixel's ray one in the room, and `origin` is where they begin.
+    /// As seen by a camera; `ray` makes the direction of a pixel's ray one in the room, and `origin` is where
+    /// they begin.
     pub(super) fn seen(&self, view: &View, origin: Point, ray: impl Fn(Point) -> Point) -> Empty {
         let (width, height) = view.size();
         let mut empty =

@@ -46,8 +46,8 @@ impl Condition {
     }
 }
 
-/// Which half of every range a clip's values are drawn from. Ranges are cut into eight cells; clips to calibrate on have
-/// their values in every second one, clips to test on in the others: the two share none.
+/// Which half of every range a clip's values are drawn from. Ranges are cut into eight cells; clips to
+/// calibrate on have their values in every second one, clips to test on in the others: the two share none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Purpose {

@@ -19,8 +19,8 @@ pub(super) struct Hit {
     pub(super) z: f64,
     /// Outwards, of length 1.
     pub(super) normal: Point,
-    /// Place on the body: of an ellipsoid along its axes, -1 to 1; of a cone to the right, down (-1 to 1 about) and along (0
-    /// to 1).
+    /// Place on the body: of an ellipsoid along its axes, -1 to 1; of a cone to the right, down (-1 to 1
+    /// about) and along (0 to 1).
     pub(super) place: Point,
 }
 
@@ -135,7 +135,8 @@ impl Shape {
     }
 }
 
-/// The box in the picture around an ellipsoid with this centre and square of its matrix; none if it is not before the camera.
+/// The box in the picture around an ellipsoid with this centre and square of its matrix; none if it is not
+/// before the camera.
 fn outline(centre: Point, spread: [[f64; 3]; 3], lens: &Intrinsics) -> Option<[f64; 4]> {
     // The dual conic of its outline, c cᵀ - S: Hartley and Zisserman, Multiple View Geometry, 8.7.
     let dual = |i: usize, j: usize| centre[i] * centre[j] - spread[i][j];
@@ -181,8 +182,8 @@ impl Ready {
                 Some(Hit { z, normal: unit(normal), place })
             }
             Ready::Cone { ends, radii: [ra, rb], axis, squares: [m0, m5, m7] } => {
-                // The body of a cone between the spheres, then the spheres (Quilez, "rounded cone - intersection"), for a ray
-                // of any length.
+                // The body of a cone between the spheres, then the spheres (Quilez, "rounded cone -
+                // intersection"), for a ray of any length.
                 let dd = dot(ray, ray);
                 let rr = ra - rb;
                 let (m1, m2, m3, m6) =
@@ -237,8 +238,8 @@ impl View {
         ((right - left).max(0) as usize, (bottom - top).max(0) as usize)
     }
 
-    /// Draws a body before what is at the distances `depth` (mm, row after row of the window): `paint` gets the number of
-    /// each pixel where it is the nearest.
+    /// Draws a body before what is at the distances `depth` (mm, row after row of the window): `paint` gets
+    /// the number of each pixel where it is the nearest.
     pub(super) fn draw(&self, shape: Shape, depth: &mut [f32], mut paint: impl FnMut(usize, &Hit)) {
         let Some(seen) = shape.seen(self) else { return };
         let [left, top, right, bottom] = seen.window();
@@ -268,8 +269,8 @@ mod tests {
     const LENS: Intrinsics = Intrinsics { focal: [525.0, 520.0], principal: [319.5, 239.5] };
     const VIEW: View = View { lens: LENS, window: [0, 0, 640, 480] };
 
-    /// Every drawn pixel lies on the surface, by a formula for the distance from it that has no ray in it; every pixel whose
-    /// ray passes is left; and nothing of it lies outside its window.
+    /// Every drawn pixel lies on the surface, by a formula for the distance from it that has no ray in it;
+    /// every pixel whose ray passes is left; and nothing of it lies outside its window.
     #[test]
     fn drawn_pixels_lie_on_the_surface() {
         let slant = unit([1.0, 2.0, -0.5]);
@@ -304,7 +305,8 @@ mod tests {
                 drawn += 1;
                 let ray = [VIEW.ray(0, at as i64 % 640), VIEW.ray(1, at as i64 / 640), 1.0];
                 let gap = off(shape, times(ray, hit.z));
-                // Between tried spheres at most 0.08 mm apart the gap is off by less than 0.08² / (2 · 30) mm.
+                // Between tried spheres at most 0.08 mm apart the gap is off by less than 0.08² / (2 · 30)
+                // mm.
                 assert!(gap.abs() < 1e-5, "off by {gap}");
                 assert!((length(hit.normal) - 1.0).abs() < 1e-9 && dot(hit.normal, ray) < 1e-6);
                 assert!((off(shape, add(times(ray, hit.z), times(hit.normal, 1.0)))) > 0.0);

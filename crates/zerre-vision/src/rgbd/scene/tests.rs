@@ -85,8 +85,9 @@ fn half_of_the_frames_have_the_hand_before_the_body() {
     }
 }
 
-/// The variance of n draws of a normal law is off by its own 5 · sqrt(2 / n) at most. Rows overlap in the table of numbers:
-/// 2^17 numbers used m times each, m Poisson with mean above 1, are worth at least 2^16. Rounding adds 1 / 12.
+/// The variance of n draws of a normal law is off by its own 5 · sqrt(2 / n) at most. Rows overlap in the
+/// table of numbers: 2^17 numbers used m times each, m Poisson with mean above 1, are worth at least 2^16.
+/// Rounding adds 1 / 12.
 #[test]
 fn noise_is_as_large_as_set() {
     let tolerance = 5.0 * (2.0 / 65_536.0_f64).sqrt();
@@ -165,8 +166,8 @@ fn depth_is_lost_where_it_should_be() {
     for (near, exact) in near.pixels().iter().zip(exact.pixels()) {
         assert!(*exact == 2400 || *near == if *exact > 2400 { NO_DEPTH } else { *exact });
     }
-    // Shadows lie left of something nearer, not farther than the projector's parallax between them; none on the person's
-    // front.
+    // Shadows lie left of something nearer, not farther than the projector's parallax between them; none on
+    // the person's front.
     let shadows = scene(|s| s.depth.baseline_mm = 75.0).frame(k).depth;
     let mut count = 0;
     for (i, z) in shadows.pixels().iter().enumerate().filter(|(_, z)| **z == NO_DEPTH) {
@@ -255,9 +256,10 @@ fn conditions_do_what_they_say() {
     }
 }
 
-/// Of many clips: bursts come before the body alone, of the length and as far off as set; the rest is noise and lag. The mean
-/// square of n correlated numbers is off by at most 5 · sqrt(2 · 4.6 / n) of itself, as numbers with a correlation of 0.8 from
-/// one to the next are worth (1 - 0.64) / (1 + 0.64) of independent ones.
+/// Of many clips: bursts come before the body alone, of the length and as far off as set; the rest is noise
+/// and lag. The mean square of n correlated numbers is off by at most 5 · sqrt(2 · 4.6 / n) of itself, as
+/// numbers with a correlation of 0.8 from one to the next are worth (1 - 0.64) / (1 + 0.64) of independent
+/// ones.
 #[test]
 fn the_device_errs_as_set() {
     let device = DeviceSettings { lag_frames: 0.0, burst_probability: 0.0, ..DeviceSettings::default() };
@@ -358,8 +360,8 @@ fn a_seed_gives_the_same_bits() {
     assert_ne!(digest(&scene.frame(0)), digest(&scene.frame(1)));
 }
 
-/// Of 20 clips each to calibrate on and to test on, no two share a number of their appearance; the numbers that are drawn
-/// directly come from cells of their own.
+/// Of 20 clips each to calibrate on and to test on, no two share a number of their appearance; the numbers
+/// that are drawn directly come from cells of their own.
 #[test]
 fn calibration_and_test_share_nothing() {
     fn numbers(value: &serde_json::Value, out: &mut Vec<f64>) {
