@@ -4,8 +4,9 @@
 //! Sizes of noises and thresholds were lost with the equations of the text; a [`Reading`] fills them in. None of them
 //! is a law of measurements: normalised distances depend on the particles themselves. They stand here to be compared.
 
-use super::belief::BallMotion;
+use super::belief::{BallMotion, Known};
 use super::detector::Seen;
+use super::tracker::BallRow;
 use crate::{Error, Result};
 use zerre::math::exp;
 use zerre::resample::{Resampler, Resampling};
@@ -265,3 +266,68 @@ pub fn by_area(seen: &Seen, count: usize) -> Vec<Option<([f64; 2], usize)>> {
     parts.sort_by_key(|(_, area)| std::cmp::Reverse(*area));
     (0..count).map(|at| parts.get(at).copied()).collect()
 }
+
+/// A fixed number of balls, told apart by their areas: the largest is ball 1.
+#[derive(Clone, Debug)]
+pub struct ByArea {
+    filters: Vec<ThesisFilter>,
+    shown: Vec<(BallRow, f64)>,
+    rows: Vec<BallRow>,
+    missing: usize,
+}
+
+impl ByArea {
+    /// `count` balls on a picture of that size.
+    ///
+    /// # Errors
+    /// No balls, no particles.
+    pub fn new(
+        reading: &Reading,
+        count: usize,
+        size: (usize, usize),
+        particles: (usize, Resampling),
+        stream: Stream,
+    ) -> Result<ByArea> {
+        if count == 0 || count > MOST_BALLS {
+            let (what, value) = ("number of balls", count as f64);
+            return Err(Error::OutOfRange { what, value, needs: "from 1 to 1000 are needed" });
+        }
+        let filter = |ball| ThesisFilter::new(reading, ball, size, particles, stream.fork(ball as u64));
+        let filters = (0..count).map(filter).collect::<Result<_>>()?;
+        Ok(ByArea { filters, shown: Vec::new(), rows: Vec::new(), missing: 0 })
+    }
+
+    /// Takes in what a detector saw in frame `index`.
+    ///
+    /// # Errors
+    /// None in practice: places that are not finite.
+    pub fn take(&mut self, index: usize, seen: &Seen) -> Result<()> {
+        let found = by_area(seen, self.filters.len());
+        self.missing += found.iter().filter(|one| one.is_none()).count();
+        self.shown.clear();
+        for (at, (filter, found)) in self.filters.iter_mut().zip(found).enumerate() {
+            let measured = found.map(|(place, _)| filter.measured(place));
+            let centre = filter.step(measured)?;
+            let known = Known { centre, velocity: filter.velocity(), covariance: filter.covariance() };
+            let area = found.map_or(f64::NAN, |(_, area)| area as f64);
+            let detected = found.map(|(place, _)| place);
+            let row = BallRow { frame: index, ball: at + 1, known, area, detected };
+            self.rows.push(row.clone());
+            self.shown.push((row, (area / std::f64::consts::PI).sqrt()));
+        }
+        Ok(())
+    }
+
+    /// The balls of the last frame with their radii (px; NaN where not seen) and filters.
+    pub fn balls(&self) -> impl Iterator<Item = (&BallRow, f64, &ThesisFilter)> {
+        self.shown.iter().zip(&self.filters).map(|((row, radius), filter)| (row, *radius, filter))
+    }
+
+    /// All rows, and how often a ball had no part of the picture.
+    pub fn finish(self) -> (Vec<BallRow>, usize) {
+        (self.rows, self.missing)
+    }
+}
+
+/// Most balls that are told apart by area.
+const MOST_BALLS: usize = 1000;

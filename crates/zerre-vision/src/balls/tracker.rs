@@ -45,7 +45,7 @@ impl TrackerSettings {
             process_sd,
             measurement_sd: 0.5,
             count: None,
-            confirm: 3,
+            confirm: 4,
             patience: 10,
             filter: Settings::default(),
         }
