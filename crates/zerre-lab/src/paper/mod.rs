@@ -2,6 +2,7 @@
 
 pub mod bayes_family;
 pub mod extended_target;
+pub mod multi_ball;
 pub mod multiple_model;
 pub mod swarm;
 pub mod video;
@@ -23,7 +24,7 @@ pub struct Paper {
 
 /// The papers whose experiments are here.
 pub const PAPERS: &[Paper] =
-    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER, video::PAPER];
+    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER, video::PAPER, multi_ball::PAPER];
 
 /// With a capital letter.
 fn sentence(text: &str) -> String {
