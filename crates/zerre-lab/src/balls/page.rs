@@ -25,8 +25,7 @@ pub struct Watched<'a> {
 /// The rows as CSV: places and velocities in px and px per frame, variances in px^2, areas in px; empty where nothing
 /// is known. Frames are from 0, balls from 1.
 pub fn points_csv(rows: &[BallRow]) -> String {
-    let mut text =
-        "frame,ball,x,y,vx,vy,var_x,var_y,cov_xy,area,detected,detected_x,detected_y\n".to_owned();
+    let mut text = "frame,ball,x,y,vx,vy,var_x,var_y,cov_xy,area,detected,detected_x,detected_y\n".to_owned();
     let cell = |value: f64| if value.is_finite() { format!("{value:?}") } else { String::new() };
     for BallRow { frame, ball, known, area, detected } in rows {
         let ([x, y], [u, v], [[xx, xy], [_, yy]]) = (known.centre, known.velocity, known.covariance);

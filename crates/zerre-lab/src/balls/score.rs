@@ -134,8 +134,14 @@ mod tests {
         let text = "frame,ball,x,y,radius,visible\n0,1,0,0,10,1\n0,2,50,0,10,1\n1,1,0,0,10,1\n1,2,50,0,10,1\n\
                     2,1,0,0,10,1\n2,2,50,0,10,1\n2,3,90,0,10,0.1\n";
         let truth = TruthTable::read(text).unwrap();
-        let rows =
-            [row(0, 1, 3.0), row(0, 2, 50.0), row(1, 1, 0.0), row(1, 2, 50.0), row(2, 2, 0.0), row(2, 1, 50.0)];
+        let rows = [
+            row(0, 1, 3.0),
+            row(0, 2, 50.0),
+            row(1, 1, 0.0),
+            row(1, 2, 50.0),
+            row(2, 2, 0.0),
+            row(2, 1, 50.0),
+        ];
         let found = score(&rows, &truth, 3).unwrap();
         assert_eq!((found.frames, found.visible, found.held, found.swaps), (3, 6, 6, 2));
         assert!((found.rmse_px - (9.0_f64 / 6.0).sqrt()).abs() < 1e-12);

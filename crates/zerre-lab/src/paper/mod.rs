@@ -23,8 +23,14 @@ pub struct Paper {
 }
 
 /// The papers whose experiments are here.
-pub const PAPERS: &[Paper] =
-    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER, video::PAPER, multi_ball::PAPER];
+pub const PAPERS: &[Paper] = &[
+    multiple_model::PAPER,
+    bayes_family::PAPER,
+    extended_target::PAPER,
+    swarm::PAPER,
+    video::PAPER,
+    multi_ball::PAPER,
+];
 
 /// With a capital letter.
 fn sentence(text: &str) -> String {

@@ -119,8 +119,7 @@ pub fn inscribed(inside: &[[f64; 2]], outline: &[[f64; 2]], most: usize) -> Vec<
     let depth = |p: &[f64; 2]| {
         outline.iter().map(|q| (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2)).fold(f64::INFINITY, f64::min)
     };
-    let mut deep: Vec<Disc> =
-        inside.iter().map(|p| Disc { centre: *p, radius: depth(p).sqrt() }).collect();
+    let mut deep: Vec<Disc> = inside.iter().map(|p| Disc { centre: *p, radius: depth(p).sqrt() }).collect();
     deep.retain(|disc| disc.radius.is_finite());
     deep.sort_by(|a, b| b.radius.total_cmp(&a.radius));
     let mut found: Vec<Disc> = Vec::new();
@@ -162,10 +161,8 @@ mod tests {
             .flat_map(|one| rim(*one))
             .filter(|p| both.iter().all(|disc| disc.beyond(*p) > -1e-9))
             .collect();
-        let starts = [
-            Disc { centre: [17.0, 21.0], radius: 10.0 },
-            Disc { centre: [35.0, 21.0], radius: 12.0 },
-        ];
+        let starts =
+            [Disc { centre: [17.0, 21.0], radius: 10.0 }, Disc { centre: [35.0, 21.0], radius: 12.0 }];
         for (found, is) in fit(&outline, &starts).iter().zip(both) {
             assert!(distance(found.disc.centre, is.centre) < 1e-3, "{found:?}");
             assert!(found.residual < 1e-3 && found.arc > 0.5);

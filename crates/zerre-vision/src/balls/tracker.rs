@@ -218,7 +218,8 @@ impl Tracker {
         }
         let alive = |track: &Track| {
             let patience = if track.believed { self.settings.patience } else { SHORT_PATIENCE };
-            track.missed <= patience && (track.missed == 0 || detector.ground().holds(track.belief.known().centre))
+            track.missed <= patience
+                && (track.missed == 0 || detector.ground().holds(track.belief.known().centre))
         };
         self.tracks.retain(alive);
         let size = detector.ground().picture().size();
@@ -383,7 +384,8 @@ impl Tracker {
         if starts_again {
             // Two places say how fast it goes.
             let moved = [0, 1].map(|k| (detection.spot.at[k] - track.last.0[k]) / since);
-            let sd = (2.0 * detection.spot.sd.powi(2) / (since * since) + self.model.process_sd.powi(2)).sqrt();
+            let sd =
+                (2.0 * detection.spot.sd.powi(2) / (since * since) + self.model.process_sd.powi(2)).sqrt();
             self.restarts += 1;
             let stream = self.stream.fork(track.number as u64).fork(self.restarts);
             track.belief = self.model.start(at, detection.spot, (moved, sd), stream)?;

@@ -37,7 +37,9 @@ pub(super) fn chosen_reading(args: &Balls) -> Result<Reading, Diagnostic> {
     }
     if let Some(sd) = args.process_noise {
         if !(sd.is_finite() && sd > 0.0) {
-            return Err(Diagnostic::usage(format!("the process noise is {sd}: a number above zero is needed")));
+            return Err(Diagnostic::usage(format!(
+                "the process noise is {sd}: a number above zero is needed"
+            )));
         }
         reading.process_sd = sd;
     }
@@ -88,7 +90,12 @@ impl Follower {
         })
     }
 
-    pub(super) fn step(&mut self, index: usize, frame: &Frame, detector: &Detector) -> zerre_vision::Result<()> {
+    pub(super) fn step(
+        &mut self,
+        index: usize,
+        frame: &Frame,
+        detector: &Detector,
+    ) -> zerre_vision::Result<()> {
         match self {
             Follower::Assigned(tracker) => tracker.step(index, frame, detector),
             Follower::ByArea(balls) => balls.take(index, &detector.see(frame)?),

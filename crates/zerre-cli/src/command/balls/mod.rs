@@ -58,7 +58,8 @@ pub(super) fn run(args: &Balls, options: &Global, console: &Console) -> Result<E
     if options.explain {
         explain(&record.config, console)?;
     }
-    let destination = Destination::of(options, COMMAND, Some(path)).reading(read.iter().map(PathBuf::as_path));
+    let destination =
+        Destination::of(options, COMMAND, Some(path)).reading(read.iter().map(PathBuf::as_path));
     let mut folder = Folder::open(&destination, COMMAND)?;
 
     let (expected, rate) = (frames.expected(), frames.rate());
@@ -262,13 +263,7 @@ fn digest(followed: &Followed) -> String {
     digest.finish()
 }
 
-fn facts(
-    args: &Balls,
-    seed: u64,
-    frames: usize,
-    balls: usize,
-    detector: &Detector,
-) -> Vec<(String, String)> {
+fn facts(args: &Balls, seed: u64, frames: usize, balls: usize, detector: &Detector) -> Vec<(String, String)> {
     let (least, most) = detector.areas();
     let preset = match args.preset {
         Preset::Default => "by predicted place, area and colour",

@@ -229,16 +229,12 @@ impl Experiment for MultiBall {
         outcomes: &BTreeMap<Cell, Outcome>,
         timing: Option<&Timing>,
     ) -> Result<Finished<Row>, Box<dyn std::error::Error>> {
-        let interrupted =
-            outcomes.len() < self.cells().len() || (timing.is_none() && self.asks(Part::Table));
+        let interrupted = outcomes.len() < self.cells().len() || (timing.is_none() && self.asks(Part::Table));
         let results = Results::new(self, outcomes, timing);
         let rows = results.rows();
         let estimates = rows.iter().filter(|row| row.metric != "seconds");
-        let (figures, painted) = if self.asks(Part::Table) && !interrupted {
-            self.pictures()?
-        } else {
-            Default::default()
-        };
+        let (figures, painted) =
+            if self.asks(Part::Table) && !interrupted { self.pictures()? } else { Default::default() };
         let pictures = painted.iter().map(|one| one.0.clone()).collect();
         Ok(Finished {
             estimates: estimates.flat_map(|row| [row.value, row.low, row.high]).collect(),

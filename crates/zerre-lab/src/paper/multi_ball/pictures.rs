@@ -33,12 +33,21 @@ impl MultiBall {
             let mut series = Vec::new();
             for (ball, name) in BALLS.iter().enumerate() {
                 let estimated = followed.estimates.iter().map(|of| [of[ball][0], -of[ball][1]]);
-                series.push(Series { name: (*name).to_owned(), points: estimated.collect(), ..Series::default() });
+                series.push(Series {
+                    name: (*name).to_owned(),
+                    points: estimated.collect(),
+                    ..Series::default()
+                });
             }
             for ball in 0..BALLS.len() {
                 let detected = clip.detected.iter().filter_map(|of| of[ball].map(|[x, y]| [x, -y]));
                 let name = if ball == 0 { "detected" } else { "" }.to_owned();
-                series.push(Series { name, points: detected.collect(), reference: true, ..Series::default() });
+                series.push(Series {
+                    name,
+                    points: detected.collect(),
+                    reference: true,
+                    ..Series::default()
+                });
             }
             figures.push(Figure {
                 title: format!("{particles} particles"),

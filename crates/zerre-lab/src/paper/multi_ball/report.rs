@@ -34,7 +34,9 @@ impl Results<'_> {
                 let numbers = PICTURED_FRAMES.map(|frame| frame.to_string()).join(", ");
                 sections.push(Section {
                     title: "Particles, as in figure 3.2".to_owned(),
-                    paragraphs: vec![format!("Frames {numbers} of the first clip: they start about the middle.")],
+                    paragraphs: vec![format!(
+                        "Frames {numbers} of the first clip: they start about the middle."
+                    )],
                     pictures,
                     ..Section::default()
                 });
@@ -143,7 +145,8 @@ impl Results<'_> {
             })
             .collect();
         let printed = &self.experiment.printed;
-        let points = printed.particles().into_iter().filter_map(|n| Some([n as f64, printed.error(n, BALLS[0])?]));
+        let points =
+            printed.particles().into_iter().filter_map(|n| Some([n as f64, printed.error(n, BALLS[0])?]));
         series.push(Series {
             name: "printed".to_owned(),
             points: points.collect(),

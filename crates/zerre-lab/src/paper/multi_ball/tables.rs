@@ -163,8 +163,7 @@ impl<'a> Results<'a> {
             for (which, (filter, _)) in RESAMPLERS.into_iter().enumerate() {
                 for (size, particles) in sizes.iter().enumerate() {
                     let squares = column(2 + which * sizes.len() + size);
-                    let ratio =
-                        estimate(&|picked| (mean(&squares, picked) / mean(&kalman, picked)).sqrt());
+                    let ratio = estimate(&|picked| (mean(&squares, picked) / mean(&kalman, picked)).sqrt());
                     let with = |row: Row| Row { particles: *particles, filter, ..row };
                     rows.extend(error(&squares).map(|found| with(row("error_px", found))));
                     rows.extend(ratio.map(|found| with(row("kalman_ratio", found))));

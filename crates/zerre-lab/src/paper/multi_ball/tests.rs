@@ -1,8 +1,7 @@
 use super::*;
 
 fn experiment(tables: &[&'static str], runs: usize, particles: &[usize], seed: u64) -> MultiBall {
-    let request =
-        Request { tables: tables.iter().copied().collect(), runs, particles: particles.to_vec() };
+    let request = Request { tables: tables.iter().copied().collect(), runs, particles: particles.to_vec() };
     MultiBall::new(request, seed).unwrap()
 }
 

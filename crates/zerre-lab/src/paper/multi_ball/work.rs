@@ -1,7 +1,8 @@
 //! Single runs.
 
 use super::settings::{
-    BALLS, BURN_IN, FRAMES, MEASUREMENT_SD, MEETING_PARTICLES, MEETINGS, SCENE, START_SD, VELOCITY_SD, WALK_SD,
+    BALLS, BURN_IN, FRAMES, MEASUREMENT_SD, MEETING_PARTICLES, MEETINGS, SCENE, START_SD, VELOCITY_SD,
+    WALK_SD,
 };
 use super::{MultiBall, Outcome, Part, RESAMPLERS};
 use crate::balls::{TruthTable, score};
@@ -63,7 +64,12 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// A filter of the thesis for each ball of a clip.
-pub(super) fn follow(clip: &Clip, reading: &Reading, particles: usize, luck: Stream) -> zerre::Result<Followed> {
+pub(super) fn follow(
+    clip: &Clip,
+    reading: &Reading,
+    particles: usize,
+    luck: Stream,
+) -> zerre::Result<Followed> {
     let size = clip.scene.settings().size;
     let luck = luck.fork(particles as u64);
     let filter = |ball| {
@@ -203,7 +209,8 @@ impl MultiBall {
                 if stop() {
                     return Ok(false);
                 }
-                let settings = Settings { particles: *particles, resampling: *resampling, ..Settings::default() };
+                let settings =
+                    Settings { particles: *particles, resampling: *resampling, ..Settings::default() };
                 let filter =
                     ParticleFilter::new(problem.prior, problem.motion.clone(), problem.sensor, settings)?;
                 let mut sum = 0.0;
