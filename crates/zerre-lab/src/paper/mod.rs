@@ -2,6 +2,7 @@
 
 pub mod bayes_family;
 pub mod extended_target;
+pub mod multi_ball;
 pub mod multiple_model;
 pub mod rgbd;
 pub mod swarm;
@@ -30,6 +31,7 @@ pub const PAPERS: &[Paper] = &[
     swarm::PAPER,
     video::PAPER,
     rgbd::PAPER,
+    multi_ball::PAPER,
 ];
 
 /// With a capital letter.

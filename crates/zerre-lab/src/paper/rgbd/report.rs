@@ -49,35 +49,22 @@ impl Results<'_> {
     /// The thesis's chapter 5.
     fn sweep(&self, rows: &[Row]) -> Section {
         let counts: Vec<usize> = self.sweeps.keys().copied().collect();
-        let over = |source: &str, metric: &str| -> Vec<[f64; 3]> {
-            let found = |particles: &usize| {
-                rows.iter().find(|row| {
-                    row.particles == *particles
-                        && row.source == source
-                        && row.metric == metric
-                        && row.condition == CONDITIONS[0].name
-                        && row.frames == "all"
-                })
-            };
-            counts.iter().filter_map(|n| found(n).map(|row| [*n as f64, row.low, row.high])).collect()
-        };
         let series = |name: &str, source: &str| {
-            let found = over(source, "rmse_px");
-            let middle = |source: &str| {
-                counts.iter().filter_map(|n| {
-                    let row = rows.iter().find(|row| {
-                        row.particles == *n
-                            && row.source == source
-                            && row.metric == "rmse_px"
-                            && row.frames == "all"
-                    })?;
-                    Some([*n as f64, row.value])
-                })
+            let of = |n: &usize| {
+                let there = |row: &&Row| {
+                    row.particles == *n
+                        && row.source == source
+                        && row.metric == "rmse_px"
+                        && row.frames == "all"
+                };
+                // The sweep's rows stand behind those of the conditions.
+                rows.iter().rfind(there).map(|row| (*n as f64, row))
             };
+            let found: Vec<(f64, &Row)> = counts.iter().filter_map(of).collect();
             Series {
                 name: name.to_owned(),
-                points: middle(source).collect(),
-                band: found.iter().map(|[_, low, high]| [*low, *high]).collect(),
+                points: found.iter().map(|(n, row)| [*n, row.value]).collect(),
+                band: found.iter().map(|(_, row)| [row.low, row.high]).collect(),
                 dots: true,
                 reference: false,
             }
@@ -118,13 +105,9 @@ impl Results<'_> {
             .iter()
             .map(|n| {
                 let value = |source: &str, metric: &str| {
-                    let row = rows.iter().find(|row| {
-                        row.particles == *n
-                            && row.source == source
-                            && row.metric == metric
-                            && (metric != "best_count" || source != "device" || row.condition == "light")
-                    });
-                    row.map_or_else(Shown::default, |row| Shown::from(row.value))
+                    let there =
+                        |row: &&Row| row.particles == *n && row.source == source && row.metric == metric;
+                    rows.iter().rfind(there).map_or_else(Shown::default, |row| Shown::from(row.value))
                 };
                 let counted = |source: &str| value(source, "best_count");
                 vec![
