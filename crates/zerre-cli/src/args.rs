@@ -1,8 +1,10 @@
 //! The command line. Names are a contract: none changes without an entry in the changelog.
 
 mod balls;
+mod fuse;
 
 pub use balls::{Balls, Motion as BallMotion, Preset, Resampling as BallResampling};
+pub use fuse::{Fuse, FusePreset, RoomFrom};
 
 use crate::config::Format;
 use clap::{ArgAction, Parser, Subcommand, ValueEnum};
@@ -135,6 +137,8 @@ pub enum Command {
     Otb(Otb),
     /// Follow several balls on plain ground
     Balls(Balls),
+    /// Follow points of a body in colour and depth
+    Fuse(Fuse),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {

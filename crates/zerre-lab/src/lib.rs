@@ -8,6 +8,7 @@ pub mod bench;
 pub mod consistency;
 mod distribution;
 pub mod error;
+pub mod fusion;
 pub mod metric;
 mod number;
 pub mod otb;

@@ -5,6 +5,7 @@ mod bench;
 mod catalog;
 mod compare;
 mod experiment;
+pub(crate) mod fuse;
 mod init;
 mod otb;
 mod reproduce;
@@ -41,6 +42,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Study(of) => study::run(of, &args.global, console),
         Command::Video(of) => video::run(of, &args.global, console),
         Command::Balls(of) => balls::run(of, &args.global, console),
+        Command::Fuse(of) => fuse::run(of, &args.global, console),
         Command::Otb(of) => otb::run(of, &args.global, console),
         Command::Bench { workloads, quick } => bench::run(&args.global, workloads, *quick, console),
     }

@@ -1,6 +1,7 @@
 //! A point of a body followed through a recording: cues are searched about where the filter expects it, and everything
 //! that has been said of it is fused.
 
+use super::background::Background;
 use super::cue::{ArmEnd, ColourCue, Others, Search, View, light};
 use super::fusion::{Evidence, Fused, Fusion, FusionSettings, Source};
 use super::{Depth, Intrinsics, NO_DEPTH, Reading, RgbdFrame};
@@ -218,6 +219,19 @@ impl PointTracker {
     /// The particles' places and weights.
     pub fn particles(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
         self.fusion.particles()
+    }
+
+    /// The room as it is known by now.
+    ///
+    /// # Errors
+    /// A room of another size.
+    pub fn see_room(&mut self, room: &Background) -> Result<()> {
+        self.room.0.expect_size(room.colour())?;
+        // A room that is not learnt is the same picture all along.
+        if self.room.0.pixels() != room.colour().pixels() || self.room.1.pixels() != room.depth().pixels() {
+            self.room = (room.colour().clone(), room.depth().clone());
+        }
+        Ok(())
     }
 
     /// The settings.

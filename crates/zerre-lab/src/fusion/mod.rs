@@ -1,0 +1,9 @@
+//! Points of a body followed through a recording of colour and depth, drawn, and on one page.
+
+mod draw;
+mod follow;
+mod page;
+
+pub use draw::{PointScene, ShownPoint};
+pub use follow::{Follow, Preset, Row, Rules};
+pub use page::{Watched, page, points_csv};
