@@ -1,5 +1,9 @@
 //! The command line. Names are a contract: none changes without an entry in the changelog.
 
+mod balls;
+
+pub use balls::{Balls, Motion as BallMotion, Preset, Resampling as BallResampling};
+
 use crate::config::Format;
 use clap::{ArgAction, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -129,6 +133,8 @@ pub enum Command {
     Video(Video),
     /// Score trackers on annotated sequences
     Otb(Otb),
+    /// Follow several balls on plain ground
+    Balls(Balls),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {
@@ -226,7 +232,10 @@ be seen. Another --seed draws another object on another way.
 
 The scenarios `rgbd-...` are recordings of colour and depth: 111 frames rgb/0001.png and depth/0001.png (16 bits, mm, seen
 from the depth camera), camera.json, the empty room (background_rgb.png, background_depth.png), truth.csv, joints.csv
-(what a device reports: pixels, mm) and labels.csv (what seven people have marked).";
+(what a device reports: pixels, mm) and labels.csv (what seven people have marked).
+
+The scenarios `balls-...` are pictures of several balls, for `zerre balls`: 640 x 480 pixels, and truth.csv with
+frame,ball,x,y,radius,visible.";
 
 /// Make measurements and truth of a scenario
 #[derive(Clone, Debug, clap::Args)]
@@ -280,6 +289,7 @@ Examples:
   zerre reproduce extended-target --runs 200        narrower intervals
   zerre reproduce swarm --table variants            a table that is computed only on request
   zerre reproduce video --data otb --quick          sequences of a folder (`otb` in it, if there is one)
+  zerre reproduce multi-ball --particles 50,1000    some sizes only
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
 Outputs in --out: one table-*.csv per table, rows.csv with every number and its interval,
@@ -497,6 +507,8 @@ mod tests {
             "study f.toml --runs 5 --resume",
             "video f.mp4 --box 1,2,3.5,4 --tracker still --truth t --overlay o.gif --strict",
             "video f --box -3,2,8,8",
+            "balls f --count 3 --preset thesis --reading c --motion random-walk --resampling residual --strict",
+            "balls f --ground g.png --threshold 60 --min-area 9 --max-area 99 --truth t --overlay o.gif",
             "otb a b --tracker still --tracker still --repeat 3 --results r/A --results r/B --protocol temporal",
             "schema scenario",
             "init --log debug",
@@ -517,6 +529,9 @@ mod tests {
             "video",
             "video f --box 1,2,3",
             "video f --box 1,2,3,x",
+            "balls",
+            "balls f --count 0",
+            "balls f --resampling none",
             "otb",
             "otb a --repeat 0",
             "otb a --protocol all",

@@ -8,6 +8,8 @@ use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::scenario::{Named, SCENARIOS};
 use zerre_lab::study::contender::{CONTENDERS, ContenderInfo};
 use zerre_lab::study::world::{WORLDS, WorldInfo};
+use zerre_vision::balls::SCENES as BALL_SCENES;
+use zerre_vision::balls::scene::Named as BallScene;
 use zerre_vision::clip::{CLIPS, Named as Clip};
 use zerre_vision::rgbd::scene::{Named as Scene, SCENES};
 use zerre_vision::tracker::{Kind as Tracker, TRACKERS};
@@ -62,6 +64,7 @@ pub fn all() -> Vec<Entry> {
     let scenario = |s: &Named| Entry { kind: "scenarios", name: s.name, about: s.about, source: s.source };
     let clip = |c: &Clip| Entry { kind: "scenarios", name: c.name, about: c.about, source: "" };
     let scene = |s: &Scene| Entry { kind: "scenarios", name: s.name, about: s.about, source: "" };
+    let balls = |s: &BallScene| Entry { kind: "scenarios", name: s.name, about: s.about, source: "" };
     let paper = |p: &Paper| Entry { kind: "papers", name: p.name, about: p.about, source: p.source };
     let world = |w: &WorldInfo| Entry { kind: "worlds", name: w.name, about: w.about, source: w.source };
     let contender =
@@ -74,6 +77,7 @@ pub fn all() -> Vec<Entry> {
         .chain(SCENARIOS.iter().map(scenario))
         .chain(CLIPS.iter().map(clip))
         .chain(SCENES.iter().map(scene))
+        .chain(BALL_SCENES.iter().map(balls))
         .chain(PAPERS.iter().map(paper))
         .chain(WORLDS.iter().map(world))
         .chain(CONTENDERS.iter().map(contender))

@@ -59,6 +59,9 @@ pub enum Error {
         /// What the encoder says.
         why: String,
     },
+    /// What the library refuses.
+    #[error(transparent)]
+    Library(#[from] zerre::Error),
 }
 
 impl Error {

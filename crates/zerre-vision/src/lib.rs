@@ -4,6 +4,7 @@
 //! A pixel (x, y) covers the square from (x, y) to (x + 1, y + 1): x to the right, y downwards, (0, 0) the upper left
 //! corner of the picture. Lengths are pixels, times frames.
 
+pub mod balls;
 pub mod clip;
 mod error;
 pub mod frames;

@@ -1,5 +1,6 @@
 //! The commands.
 
+mod balls;
 mod bench;
 mod catalog;
 mod compare;
@@ -39,6 +40,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Reproduce(of) => reproduce::run(of, &args.global, console),
         Command::Study(of) => study::run(of, &args.global, console),
         Command::Video(of) => video::run(of, &args.global, console),
+        Command::Balls(of) => balls::run(of, &args.global, console),
         Command::Otb(of) => otb::run(of, &args.global, console),
         Command::Bench { workloads, quick } => bench::run(&args.global, workloads, *quick, console),
     }

@@ -14,17 +14,33 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 use zerre_lab::scenario::{self, Invalid, Measured, Measures, Run, SCENARIOS, Scenario, Target, TruePoint};
+use zerre_vision::Frame;
+use zerre_vision::balls::{SCENES, Scene, TrueBall};
 use zerre_vision::clip::{CLIPS, Clip, Named};
 use zerre_vision::frames::folder::png;
-use zerre_vision::rgbd::scene::SCENES;
+use zerre_vision::rgbd::scene as rgbd;
 
 const COMMAND: &str = "simulate";
 
 pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    if let Some(scene) = SCENES.iter().find(|scene| scene.name == args.scenario) {
+        let drawn = Scene::new((scene.settings)(), options.seed);
+        let paint = |k: usize| {
+            let mut lines = String::new();
+            for TrueBall { ball, centre: [x, y], radius, visible } in drawn.truth(k) {
+                // Writing to a string cannot fail.
+                let _ = writeln!(lines, "{k},{ball},{x:?},{y:?},{radius:?},{visible:?}");
+            }
+            (drawn.frame(k), lines, !drawn.truth(k).is_empty())
+        };
+        let head = "frame,ball,x,y,radius,visible\n";
+        let pictures = Pictures { name: scene.name, frames: drawn.len(), truth: ("truth.csv", head), paint };
+        return draw(pictures, args, options, console);
+    }
     if let Some(clip) = CLIPS.iter().find(|clip| clip.name == args.scenario) {
         return draw_clip(clip, args, options, console);
     }
-    if let Some(scene) = SCENES.iter().find(|scene| scene.name == args.scenario) {
+    if let Some(scene) = rgbd::SCENES.iter().find(|scene| scene.name == args.scenario) {
         return recording::draw(scene, args, options, console);
     }
     let since = Instant::now();
@@ -89,52 +105,74 @@ const CLIP_FRAMES: usize = 200;
 /// Share of the object that must be seen for its box to be told.
 const SEEN: f64 = 0.5;
 
+/// Pictures to draw, and what is known of them.
+struct Pictures<P> {
+    name: &'static str,
+    frames: usize,
+    /// File of the truth, and its head.
+    truth: (&'static str, &'static str),
+    /// The picture of a frame, its lines of the truth, and whether an object is to be seen.
+    paint: P,
+}
+
 /// Pictures of an object that moves, and where it is in them.
 fn draw_clip(kind: &Named, args: &Simulate, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let clip = Clip::new(kind.trouble, CLIP_FRAMES, options.seed);
+    let paint = |k: usize| {
+        let at = clip.truth(k);
+        let seen = at.visible >= SEEN;
+        let line = if seen { format!("{}\n", at.bounds) } else { "NaN,NaN,NaN,NaN\n".to_owned() };
+        (clip.frame(k), line, seen)
+    };
+    let pictures = Pictures { name: kind.name, frames: CLIP_FRAMES, truth: ("groundtruth.txt", ""), paint };
+    draw(pictures, args, options, console)
+}
+
+fn draw<P: Fn(usize) -> (Frame, String, bool)>(
+    Pictures { name, frames, truth: (file, head), paint }: Pictures<P>,
+    args: &Simulate,
+    options: &Global,
+    console: &Console,
+) -> Result<Exit, Diagnostic> {
     let since = Instant::now();
     if args.runs.get() > 1 {
         return Err(Diagnostic::usage("a clip is drawn once: its pictures are a folder's".to_owned())
             .help("give each one its own --seed and --out"));
     }
-    let config = json!({ "scenario": kind.name, "frames": CLIP_FRAMES, "runs": 1 });
+    let config = json!({ "scenario": name, "frames": frames, "runs": 1 });
     if options.explain {
         console.info(&pretty(&config)?);
     }
     listen()?;
-    let mut folder = Folder::open(&Destination::of(options, COMMAND, Some(Path::new(kind.name))), COMMAND)?;
+    let mut folder = Folder::open(&Destination::of(options, COMMAND, Some(Path::new(name))), COMMAND)?;
     let mut record = Record::new(COMMAND, options.seed, config);
-    let mut progress = Progress::new(console, "frames", Some(CLIP_FRAMES as u64));
-    let clip = Clip::new(kind.trouble, CLIP_FRAMES, options.seed);
-    let (mut made, mut seen, mut truth) = (0, 0, String::new());
-    while made < CLIP_FRAMES && !interrupted() {
-        let picture = png(&clip.frame(made)).map_err(|error| Diagnostic::new(error.to_string()))?;
-        let at = clip.truth(made);
+    let mut progress = Progress::new(console, "frames", Some(frames as u64));
+    let (mut made, mut seen, mut truth) = (0, 0, head.to_owned());
+    while made < frames && !interrupted() {
+        let (picture, lines, is_seen) = paint(made);
+        let picture = png(&picture).map_err(|error| Diagnostic::new(error.to_string()))?;
         made += 1;
         folder.write(&format!("{made:04}.png"), |file| file.write_all(&picture))?;
-        if at.visible >= SEEN {
-            seen += 1;
-            let _ = writeln!(truth, "{}", at.bounds);
-        } else {
-            truth.push_str("NaN,NaN,NaN,NaN\n");
-        }
+        seen += usize::from(is_seen);
+        truth += &lines;
         progress.advance(1);
     }
     drop(progress);
-    folder.write("groundtruth.txt", |file| file.write_all(truth.as_bytes()))?;
-    if made < CLIP_FRAMES {
+    folder.write(file, |out| out.write_all(truth.as_bytes()))?;
+    if made < frames {
         record.state = State::Interrupted;
-        console.warn(format_args!("stopped after {made} of {CLIP_FRAMES} frames; these are complete"));
+        console.warn(format_args!("stopped after {made} of {frames} frames; these are complete"));
     }
     record.seconds = since.elapsed().as_secs_f64();
     let path = folder.finish(&record)?;
     if console.json() {
         console.document(&json!({
-            "scenario": kind.name, "state": record.state, "frames": made, "seen": seen,
+            "scenario": name, "state": record.state, "frames": made, "seen": seen,
             "out": path.display().to_string(),
         }))?;
     }
-    console.info(format_args!("{made} frames, the object is seen in {seen}: {}", path.display()));
-    Ok(if made < CLIP_FRAMES { Exit::CouldNot } else { Exit::Done })
+    console.info(format_args!("{made} frames, an object is seen in {seen}: {}", path.display()));
+    Ok(if made < frames { Exit::CouldNot } else { Exit::Done })
 }
 
 fn pretty(value: &serde_json::Value) -> Result<String, Diagnostic> {
@@ -148,8 +186,10 @@ fn find(name: &str) -> Result<Scenario, Diagnostic> {
     }
     let path = Path::new(name);
     if path.extension().is_none() && path.components().count() == 1 && !path.is_file() {
-        let pictures = CLIPS.iter().map(|clip| clip.name).chain(SCENES.iter().map(|scene| scene.name));
-        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).chain(pictures).collect();
+        let balls = SCENES.iter().map(|scene| scene.name);
+        let clips = CLIPS.iter().map(|clip| clip.name).chain(balls);
+        let clips = clips.chain(rgbd::SCENES.iter().map(|scene| scene.name));
+        let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).chain(clips).collect();
         let unknown = Diagnostic::usage(format!("there is no scenario `{name}`"));
         return Err(suggest(unknown, name, &known).help("`zerre init scenario` writes one to change"));
     }

@@ -1,6 +1,6 @@
 use super::{MetricInfo, check_order_and_cutoff, distances};
-use crate::assignment::{assign, pairs};
 use crate::error::Result;
+use zerre::math::assignment::{assign, pairs};
 
 pub(super) const INFO: MetricInfo = MetricInfo {
     name: "gospa",

@@ -1,6 +1,6 @@
 use super::{MetricInfo, check_order_and_cutoff, distances};
-use crate::assignment::assign;
 use crate::error::Result;
+use zerre::math::assignment::assign;
 
 pub(super) const INFO: MetricInfo = MetricInfo {
     name: "ospa",

@@ -4,10 +4,10 @@
 //! ([`Shape::about`] minus the centre). Ellipses have no names: those of two shapes are compared in the order
 //! that fits best. What two shapes cover is compared by [`Region`](super::Region).
 
-use crate::assignment::{assign, transport};
 use crate::error::{Error, Result};
 use zerre::extended::{Ellipse, Shape};
 use zerre::math::Matrix;
+use zerre::math::assignment::{assign, transport};
 
 /// Squared Gauss-Wasserstein distance of two normal laws, m^2: |m1 - m2|^2 + tr(A + B - 2 (A^1/2 B A^1/2)^1/2), in
 /// closed form in the plane: tr (A^1/2 B A^1/2)^1/2 = sqrt(tr(A B) + 2 sqrt(det A det B)). Weights do not count

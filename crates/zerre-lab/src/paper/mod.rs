@@ -2,7 +2,9 @@
 
 pub mod bayes_family;
 pub mod extended_target;
+pub mod multi_ball;
 pub mod multiple_model;
+pub mod rgbd;
 pub mod swarm;
 pub mod video;
 
@@ -22,8 +24,15 @@ pub struct Paper {
 }
 
 /// The papers whose experiments are here.
-pub const PAPERS: &[Paper] =
-    &[multiple_model::PAPER, bayes_family::PAPER, extended_target::PAPER, swarm::PAPER, video::PAPER];
+pub const PAPERS: &[Paper] = &[
+    multiple_model::PAPER,
+    bayes_family::PAPER,
+    extended_target::PAPER,
+    swarm::PAPER,
+    video::PAPER,
+    rgbd::PAPER,
+    multi_ball::PAPER,
+];
 
 /// With a capital letter.
 fn sentence(text: &str) -> String {

@@ -22,6 +22,28 @@ const ACROSS: usize = 4;
 /// Width of its frames, px.
 const CELL: u16 = 300;
 
+/// A frame with something to draw on it.
+pub trait Drawn {
+    /// Columns and rows of the frame.
+    fn size(&self) -> (usize, usize);
+
+    /// The frame at `size` pixels with everything on it.
+    ///
+    /// # Errors
+    /// A size of zero.
+    fn draw(&self, size: [u16; 2]) -> Result<Frame>;
+}
+
+impl Drawn for Scene<'_> {
+    fn size(&self) -> (usize, usize) {
+        self.frame.size()
+    }
+
+    fn draw(&self, size: [u16; 2]) -> Result<Frame> {
+        Scene::draw(self, size)
+    }
+}
+
 /// One frame and what is known of it.
 pub struct Scene<'a> {
     /// The picture.
@@ -105,7 +127,7 @@ impl Film {
     ///
     /// # Errors
     /// None in practice: a frame without pixels.
-    pub fn see(&mut self, scene: &Scene) -> Result<()> {
+    pub fn see(&mut self, scene: &impl Drawn) -> Result<()> {
         let turn = self.seen.is_multiple_of(self.every);
         self.seen += 1;
         if !turn {
@@ -122,7 +144,7 @@ impl Film {
                 return Ok(());
             }
         }
-        self.kept.push(scene.draw(shown(scene.frame.size(), CELL, CELL))?);
+        self.kept.push(scene.draw(shown(scene.size(), CELL, CELL))?);
         Ok(())
     }
 

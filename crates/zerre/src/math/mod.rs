@@ -2,6 +2,7 @@
 //! linear algebra.
 
 mod angle;
+pub mod assignment;
 pub mod chi_square;
 mod dual;
 mod elementary;

@@ -1,8 +1,8 @@
 //! `zerre video`: one object through a video.
 
 mod choose;
-mod open;
-mod overlay;
+pub(super) mod open;
+pub(super) mod overlay;
 
 use crate::Exit;
 use crate::args::{Global, Video};
@@ -176,7 +176,7 @@ fn digest(followed: &Followed) -> String {
 }
 
 /// Writes the filmstrip, and says what the page needs of it.
-fn write_film(film: &Film, folder: &mut Folder) -> Result<Option<Picture>, Diagnostic> {
+pub(super) fn write_film(film: &Film, folder: &mut Folder) -> Result<Option<Picture>, Diagnostic> {
     let strip = film.strip().map_err(|error| Diagnostic::new(error.to_string()))?;
     let Some(strip) = strip else { return Ok(None) };
     let [width, height] = strip.size();

@@ -115,14 +115,14 @@ fn chosen(frames: &mut Frames, console: &Console) -> Result<Rect, Diagnostic> {
 }
 
 /// All pictures of a folder as one input, one after the other.
-fn of_pictures(name: &str, pictures: &Pictures) -> Result<Input, Diagnostic> {
+pub(in crate::command) fn of_pictures(name: &str, pictures: &Pictures) -> Result<Input, Diagnostic> {
     let files: Vec<PathBuf> = pictures.places().iter().filter_map(file).collect();
     let chain = Chain { files: files.into_iter(), open: None };
     let unreadable = |error| Diagnostic::io("read", pictures.folder(), &error);
     Hashing::new(chain).finish(name).map_err(unreadable)
 }
 
-fn file(place: &Place) -> Option<PathBuf> {
+pub(in crate::command) fn file(place: &Place) -> Option<PathBuf> {
     match place {
         Place::File(path) => Some(path.clone()),
         Place::Missing(_) => None,

@@ -4,7 +4,7 @@ use crate::diagnostic::Diagnostic;
 use std::path::{Path, PathBuf};
 use zerre_io::write_atomically;
 use zerre_lab::report::animation::Animation;
-use zerre_lab::report::overlay::{Scene, shown};
+use zerre_lab::report::overlay::{Drawn, shown};
 use zerre_vision::frames::encode::Encoder;
 use zerre_vision::frames::ffmpeg;
 
@@ -17,7 +17,7 @@ const LEAST: u16 = 320;
 const MOST_GIF: u16 = 480;
 const MOST_MP4: u16 = 1920;
 
-pub(super) struct Overlay {
+pub(in crate::command) struct Overlay {
     path: PathBuf,
     rate: f64,
     every: usize,
@@ -36,7 +36,7 @@ fn is_gif(path: &Path) -> bool {
 }
 
 /// Refuses what cannot be written before anything is computed.
-pub(super) fn check(path: &Path, force: bool) -> Result<(), Diagnostic> {
+pub(in crate::command) fn check(path: &Path, force: bool) -> Result<(), Diagnostic> {
     let is_mp4 = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
     if !is_gif(path) && !is_mp4 {
         return Err(Diagnostic::usage(format!("the overlay {} is neither .mp4 nor .gif", path.display())));
@@ -58,7 +58,7 @@ pub(super) fn check(path: &Path, force: bool) -> Result<(), Diagnostic> {
 }
 
 impl Overlay {
-    pub(super) fn new(path: &Path, rate: Option<f64>, expected: Option<usize>) -> Overlay {
+    pub(in crate::command) fn new(path: &Path, rate: Option<f64>, expected: Option<usize>) -> Overlay {
         let every = if is_gif(path) { expected.unwrap_or(1).div_ceil(MOST_FRAMES).max(1) } else { 1 };
         let rate = rate.unwrap_or(RATE);
         Overlay { path: path.to_owned(), rate, every, seen: 0, film: Film::None }
@@ -68,14 +68,14 @@ impl Overlay {
         Diagnostic::new(format!("the overlay {} cannot be written: {error}", self.path.display()))
     }
 
-    pub(super) fn push(&mut self, scene: &Scene) -> Result<(), Diagnostic> {
+    pub(in crate::command) fn push(&mut self, scene: &impl Drawn) -> Result<(), Diagnostic> {
         let turn = self.seen.is_multiple_of(self.every);
         self.seen += 1;
         let gif = is_gif(&self.path);
         if !turn || (gif && self.seen / self.every > MOST_FRAMES) {
             return Ok(());
         }
-        let size = shown(scene.frame.size(), LEAST, if gif { MOST_GIF } else { MOST_MP4 });
+        let size = shown(scene.size(), LEAST, if gif { MOST_GIF } else { MOST_MP4 });
         let drawn = scene.draw(size).map_err(|error| self.refused(error))?;
         if matches!(self.film, Film::None) {
             self.film = if gif {
@@ -96,7 +96,7 @@ impl Overlay {
     }
 
     /// Completes the file; says what of the video is not in it.
-    pub(super) fn finish(mut self) -> Result<Option<String>, Diagnostic> {
+    pub(in crate::command) fn finish(mut self) -> Result<Option<String>, Diagnostic> {
         let film = std::mem::replace(&mut self.film, Film::None);
         match film {
             Film::None => return Ok(None),

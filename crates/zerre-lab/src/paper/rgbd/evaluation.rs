@@ -155,7 +155,8 @@ pub fn mser5(values: &[f64]) -> usize {
         let mean = rest.iter().sum::<f64>() / n;
         rest.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n * n)
     };
-    let best = (0..=batches.len() / 2).filter(|&k| k < batches.len()).min_by(|&a, &b| score(a).total_cmp(&score(b)));
+    let best =
+        (0..=batches.len() / 2).filter(|&k| k < batches.len()).min_by(|&a, &b| score(a).total_cmp(&score(b)));
     5 * best.unwrap_or(0)
 }
 

@@ -133,7 +133,12 @@ pub(super) fn compare(
     let start = scene.frame(0);
     let mut trackers = (0..runs as u64)
         .map(|run| {
-            PointTracker::start(settings.clone(), (room.clone(), lens), (&start, first(scene)), stream.fork(run))
+            PointTracker::start(
+                settings.clone(),
+                (room.clone(), lens),
+                (&start, first(scene)),
+                stream.fork(run),
+            )
         })
         .collect::<Result<Vec<_>>>()?;
     let mut old = Thesis::start(thesis.clone(), room, first(scene).at, stream)?;
@@ -163,10 +168,10 @@ pub(super) fn compare(
             }
             note("fused", Some(off));
             for (name, said) in names.iter().zip(&tracked.said) {
-                // The cue's own answer is the reading that it is surest of.
-                let best = said.iter().flat_map(|said| &said.readings).reduce(|best, next| {
-                    if next.confidence > best.confidence { next } else { best }
-                });
+                // The cue's own answer is the reading that is nearest to where it was told to look.
+                let off = |reading: &Reading| distance(reading.at, tracked.search.at);
+                let all = said.iter().flat_map(|said| &said.readings);
+                let best = all.reduce(|best, next| if off(next) < off(best) { next } else { best });
                 note(name, best.map(|reading| distance(reading.at, truth.hand)));
             }
         }
@@ -197,11 +202,16 @@ pub(super) fn sweep(
     let mut tracker =
         PointTracker::start(settings.clone(), (room.clone(), lens), (&frame, begin), stream.fork(u64::MAX))?;
     // The places depend on the device alone: they are found once for all runs.
-    let mut finder = Thesis::start(ThesisSettings { particles: 1, ..thesis.clone() }, room.clone(), begin.at, stream)?;
+    let mut finder =
+        Thesis::start(ThesisSettings { particles: 1, ..thesis.clone() }, room.clone(), begin.at, stream)?;
     let mut filters = (0..SWEEP_RUNS as u64)
         .map(|run| Thesis::start(thesis.clone(), room.clone(), begin.at, stream.fork(run)))
         .collect::<Result<Vec<_>>>()?;
-    let mut outcome = SweepOutcome { squares: vec![Vec::new(); 4], runs: vec![Vec::new(); SWEEP_RUNS], ..SweepOutcome::default() };
+    let mut outcome = SweepOutcome {
+        squares: vec![Vec::new(); 4],
+        runs: vec![Vec::new(); SWEEP_RUNS],
+        ..SweepOutcome::default()
+    };
     let mut last = [begin.at; 3];
     for k in 1..scene.len() {
         let frame = scene.frame(k);
@@ -242,12 +252,8 @@ pub(super) fn timed(
     let room = scene.background();
     let lens = scene.camera().colour;
     let all: Vec<RgbdFrame> = (0..frames.min(scene.len())).map(|k| scene.frame(k)).collect();
-    let mut tracker = PointTracker::start(
-        settings.clone(),
-        (room.clone(), lens),
-        (&all[0], first(scene)),
-        Stream::new(1),
-    )?;
+    let mut tracker =
+        PointTracker::start(settings.clone(), (room.clone(), lens), (&all[0], first(scene)), Stream::new(1))?;
     let mut old = Thesis::start(thesis.clone(), room, first(scene).at, Stream::new(1))?;
     let mut times: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     for (k, frame) in all.iter().enumerate().skip(1) {

@@ -125,7 +125,8 @@ impl<'a> Results<'a> {
         let under = &CONDITIONS[condition];
         let lengths: Vec<usize> = clips.iter().map(|clip| clip.overlap.len()).collect();
         let blocks = self.blocks(&lengths);
-        let sources: Vec<&String> = clips.first().map(|clip| clip.errors.keys().collect()).unwrap_or_default();
+        let sources: Vec<&String> =
+            clips.first().map(|clip| clip.errors.keys().collect()).unwrap_or_default();
         let mut rows = Vec::new();
         let hidden = clips.iter().any(|clip| clip.visible.iter().any(|v| *v <= 0.0));
         for frames in FRAMES.into_iter().chain(hidden.then_some("hidden")) {
@@ -264,17 +265,8 @@ impl<'a> Results<'a> {
 
     /// All tables.
     pub fn tables(&self) -> Vec<Table> {
-        let head = [
-            "condition",
-            "frames",
-            "source",
-            "particles",
-            "metric",
-            "statistic",
-            "value",
-            "low",
-            "high",
-        ];
+        let head =
+            ["condition", "frames", "source", "particles", "metric", "statistic", "value", "low", "high"];
         let mut tables = Vec::new();
         let asked = &self.experiment.request.tables;
         let mut push = |name: &str, about: &str, rows: Vec<Row>| {
@@ -316,7 +308,9 @@ impl<'a> Results<'a> {
     fn curve_table(&self) -> Table {
         let mut rows: Vec<Vec<Entry>> = Vec::new();
         for particles in self.sweeps.keys() {
-            for (k, frame) in self.curves(*particles).map(transposed).unwrap_or_default().into_iter().enumerate() {
+            for (k, frame) in
+                self.curves(*particles).map(transposed).unwrap_or_default().into_iter().enumerate()
+            {
                 let mut row: Vec<Entry> = vec![(*particles).into(), (k + 1).into()];
                 row.extend(frame.into_iter().map(Entry::from));
                 rows.push(row);

@@ -22,19 +22,13 @@ const SHIFT: f64 = 1.15;
 const RASTER: usize = 7;
 
 /// The colours of a hand and of everything else, under the light of the empty room.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct HandColours {
     /// Shares of the bins: in the hand, and elsewhere.
     shares: [Vec<f32>; 2],
     first: [Vec<f32>; 2],
     /// Of each bin, the probability that a pixel of it is the hand's where both are as likely.
     odds: Vec<f32>,
-}
-
-impl Default for HandColours {
-    fn default() -> HandColours {
-        HandColours { shares: Default::default(), first: Default::default(), odds: Vec::new() }
-    }
 }
 
 fn bin(pixel: [u8; 3], light: [f32; 3]) -> usize {

@@ -21,9 +21,9 @@ pub struct Assignment {
 pub fn assign(cost: &[f64], rows: usize, columns: usize) -> Result<Assignment> {
     let expected = rows.saturating_mul(columns);
     if cost.len() != expected {
-        return Err(Error::Shape { what: "costs", index: 0, found: cost.len(), expected });
+        return Err(Error::Shape { what: "costs", found: cost.len(), expected });
     }
-    Error::all_finite("cost", cost)?;
+    all_finite("cost", cost)?;
     let column_of_row = if rows <= columns {
         match_rows(rows, columns, |r, c| cost[r * columns + c]).into_iter().map(Some).collect()
     } else {
@@ -51,11 +51,11 @@ pub fn transport(cost: &[f64], supply: &[f64], demand: &[f64]) -> Result<f64> {
     let (rows, columns) = (supply.len(), demand.len());
     let expected = rows.saturating_mul(columns);
     if cost.len() != expected {
-        return Err(Error::Shape { what: "costs", index: 0, found: cost.len(), expected });
+        return Err(Error::Shape { what: "costs", found: cost.len(), expected });
     }
-    Error::all_finite("cost", cost)?;
+    all_finite("cost", cost)?;
     for (what, amounts) in [("supply", supply), ("demand", demand)] {
-        Error::all_finite(what, amounts)?;
+        all_finite(what, amounts)?;
         if let Some(&value) = amounts.iter().find(|amount| **amount < 0.0) {
             return Err(Error::OutOfRange { what, value, needs: "it must not be negative" });
         }
@@ -118,8 +118,12 @@ pub fn transport(cost: &[f64], supply: &[f64], demand: &[f64]) -> Result<f64> {
 }
 
 /// The (row, column) pairs of an assignment.
-pub(crate) fn pairs(column_of_row: &[Option<usize>]) -> impl Iterator<Item = (usize, usize)> {
+pub fn pairs(column_of_row: &[Option<usize>]) -> impl Iterator<Item = (usize, usize)> {
     column_of_row.iter().enumerate().filter_map(|(r, c)| c.map(|c| (r, c)))
+}
+
+fn all_finite(what: &'static str, values: &[f64]) -> Result<()> {
+    values.iter().try_for_each(|value| Error::finite(what, *value).map(drop))
 }
 
 /// Column of each row, for `rows <= columns`.
@@ -269,11 +273,11 @@ mod tests {
     #[test]
     fn refuses_what_is_not_a_matrix_of_numbers() {
         assert!(matches!(assign(&[1.0; 5], 2, 3), Err(Error::Shape { found: 5, expected: 6, .. })));
-        assert!(matches!(assign(&[1.0, f64::NAN], 1, 2), Err(Error::NotFinite { index: 1, .. })));
+        assert!(matches!(assign(&[1.0, f64::NAN], 1, 2), Err(Error::NotFinite { what: "cost", .. })));
         let refused =
             |cost: &[f64], supply: &[f64], demand: &[f64]| transport(cost, supply, demand).unwrap_err();
         assert!(matches!(refused(&[1.0], &[1.0], &[0.5, 0.5]), Error::Shape { found: 1, expected: 2, .. }));
-        assert!(matches!(refused(&[1.0], &[1.0], &[f64::INFINITY]), Error::NotFinite { index: 0, .. }));
+        assert!(matches!(refused(&[1.0], &[1.0], &[f64::INFINITY]), Error::NotFinite { what: "cost", .. }));
         assert!(matches!(refused(&[1.0; 2], &[1.0], &[2.0, -1.0]), Error::OutOfRange { what: "demand", .. }));
         assert!(matches!(refused(&[1.0], &[1.0], &[0.9]), Error::OutOfRange { what: "total demand", .. }));
     }
