@@ -224,6 +224,7 @@ Examples:
   zerre simulate two-crossing --runs 100
   zerre init scenario > mine.toml && zerre simulate mine.toml
   zerre simulate clip-hidden --out clip && zerre otb clip
+  zerre simulate rgbd-clutter --out room
 
 Outputs in --out: measurements.csv, truth.csv, run.json, and track.toml, which tells `zerre track` where the
 sensors stand and how well they measure. With --runs above 1 the tables are measurements-0001.csv,
@@ -232,6 +233,11 @@ truth-0001.csv and so on; the first run is that of --runs 1.
 The scenarios `clip-...` are pictures, for `zerre video` and `zerre otb`: 200 frames 0001.png, 0002.png, ... of
 320 x 240 pixels, and groundtruth.txt with a box x,y,width,height per frame, NaN where less than half of the object can
 be seen. Another --seed draws another object on another way.
+
+The scenarios `rgbd-...` are recordings of colour and depth: 111 frames rgb/0001.png and depth/0001.png (16 bits, mm, seen
+from the depth camera), camera.json, the empty room (background_rgb.png, background_depth.png), truth.csv, joints.csv
+(what a device reports: pixels, mm) and labels.csv (what seven people have marked).
+
 The scenarios `balls-...` are pictures of several balls, for `zerre balls`: 640 x 480 pixels, and truth.csv with
 frame,ball,x,y,radius,visible.";
 

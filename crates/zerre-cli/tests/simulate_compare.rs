@@ -292,3 +292,31 @@ fn a_drawn_clip_is_a_sequence_that_trackers_are_scored_on() {
     let twice = zerre(&here, "simulate clip-hidden --runs 2");
     assert!(!twice.status.success() && text(&twice.stderr).contains("--seed"));
 }
+
+/// The folder is one that recordings are read from: pictures of colours and of depth with the same numbers,
+/// cameras, and the tables of what is known beside them. Pixels are those of the library (`zerre-vision`);
+/// here it is the files.
+#[test]
+fn a_drawn_recording_of_colour_and_depth_is_a_folder() {
+    let here = folder("rgbd");
+    let drawn = json(&here, "simulate rgbd-device-drop-out --seed 2 --out made");
+    assert_eq!(drawn["frames"], 111);
+    assert!((44..=61).contains(&drawn["overlap"].as_u64().unwrap()), "{drawn}");
+    for name in ["rgb", "depth"] {
+        let pictures = fs::read_dir(here.join("made").join(name)).unwrap();
+        assert_eq!(
+            pictures.filter(|file| file.as_ref().unwrap().path().extension().unwrap() == "png").count(),
+            111
+        );
+    }
+    let lines = |name: &str| fs::read_to_string(here.join("made").join(name)).unwrap().lines().count();
+    // Two stretches of 20 frames have no reading; seven people label each frame.
+    assert_eq!((lines("truth.csv"), lines("joints.csv"), lines("labels.csv")), (112, 72, 778));
+    for name in ["camera.json", "background_rgb.png", "background_depth.png", "rgb/run.json", "run.json"] {
+        assert!(here.join("made").join(name).is_file(), "{name}");
+    }
+    let again = zerre(&here, "simulate rgbd-light --out made");
+    assert!(!again.status.success() && text(&again.stderr).contains("--force"));
+    let twice = zerre(&here, "simulate rgbd-light --runs 2");
+    assert!(!twice.status.success() && text(&twice.stderr).contains("--seed"));
+}
