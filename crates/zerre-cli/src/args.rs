@@ -157,13 +157,13 @@ pub enum Command {
     /// Print the JSON Schema of a configuration file
     #[command(after_help = SCHEMA)]
     Schema {
-        /// Kind of configuration: track, scenario, study
+        /// Kind of configuration: track, scenario, study, fuse
         kind: String,
     },
     /// Print a commented starter configuration
     #[command(after_help = INIT)]
     Init {
-        /// Kind of configuration: track, scenario, study
+        /// Kind of configuration: track, scenario, study, fuse
         #[arg(default_value = "track")]
         kind: String,
     },

@@ -10,6 +10,7 @@ Examples:
   zerre simulate rgbd-light --out made && zerre fuse made --truth made/truth.csv
   zerre fuse recording/ --joints pose.csv --joint hand_right --joint hand_left
   zerre fuse recording/ --start 312,240 --room median      no joint file: the point is shown once
+  zerre fuse made --without color                           what the rest is worth
   zerre fuse made --preset thesis --steps 1,81              the pictures of its steps
   zerre init fuse > fuse.toml && zerre fuse made --config fuse.toml
 
@@ -39,6 +40,9 @@ pub struct Fuse {
     /// Where the point is in the first frame, px, without a joint file
     #[arg(long, value_name = "x,y", allow_hyphen_values = true, value_parser = place)]
     pub start: Option<[f64; 2]>,
+    /// Leave a source out: color, depth, or one of the joint file
+    #[arg(long, value_name = "NAME")]
+    pub without: Vec<String>,
     /// Which filter
     #[arg(long, value_name = "NAME", default_value = "sound")]
     pub preset: FusePreset,

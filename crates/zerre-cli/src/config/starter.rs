@@ -1,12 +1,13 @@
 //! What `zerre init` and `zerre schema` hand out.
 
 use super::track::TrackConfig;
+use crate::command::fuse::FuseConfig;
 use schemars::{Schema, schema_for};
 use zerre_lab::scenario::Scenario;
 use zerre_lab::study::spec::Spec;
 
 /// Kinds of configuration that there are.
-pub const KINDS: [&str; 3] = ["track", "scenario", "study"];
+pub const KINDS: [&str; 4] = ["track", "scenario", "study", "fuse"];
 
 /// The commented starter file of a kind.
 pub fn starter(kind: &str) -> Option<&'static str> {
@@ -14,6 +15,7 @@ pub fn starter(kind: &str) -> Option<&'static str> {
         "track" => Some(include_str!("track.toml")),
         "scenario" => Some(include_str!("scenario.toml")),
         "study" => Some(include_str!("study.toml")),
+        "fuse" => Some(include_str!("fuse.toml")),
         _ => None,
     }
 }
@@ -24,6 +26,7 @@ pub fn schema(kind: &str) -> Option<Schema> {
         "track" => Some(schema_for!(TrackConfig)),
         "scenario" => Some(schema_for!(Scenario)),
         "study" => Some(schema_for!(Spec)),
+        "fuse" => Some(schema_for!(FuseConfig)),
         _ => None,
     }
 }
@@ -71,6 +74,32 @@ mod tests {
         for key in schema["properties"].as_object().unwrap().keys() {
             assert!(starter("scenario").unwrap().contains(key.as_str()), "{key} is not in the starter");
         }
+    }
+
+    /// Every setting is in it, with the value that it has anyway.
+    #[test]
+    fn the_starter_of_a_fusion_changes_nothing() {
+        let config: FuseConfig = Source::new("fuse.toml", starter("fuse").unwrap()).parse().unwrap();
+        assert_eq!(config, FuseConfig::default());
+        let value = |config: &FuseConfig| serde_json::to_value(config).unwrap();
+        let mut left_out = Vec::new();
+        let mut pending = vec![value(&config)];
+        while let Some(value) = pending.pop() {
+            match value {
+                Value::Object(fields) => {
+                    for (key, value) in fields {
+                        let implied = ["offset", "depth_offset"].contains(&key.as_str());
+                        if !implied && !starter("fuse").unwrap().contains(key.as_str()) {
+                            left_out.push(key);
+                        }
+                        pending.push(value);
+                    }
+                }
+                Value::Array(values) => pending.extend(values),
+                _ => {}
+            }
+        }
+        assert!(left_out.is_empty(), "{left_out:?}");
     }
 
     #[test]

@@ -10,6 +10,7 @@
 
 use super::Reading;
 use crate::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use zerre::Time;
@@ -18,7 +19,7 @@ use zerre::resample::{Resampler, Resampling, Trigger};
 use zerre::rng::{Draws, Purpose, Stream};
 
 /// What is known of a source before it speaks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
     /// What it is called.
@@ -46,7 +47,7 @@ fn usual_depth_sd() -> f64 {
 }
 
 /// How a [`Fusion`] is set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FusionSettings {
     /// Number of particles.

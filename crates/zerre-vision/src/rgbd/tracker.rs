@@ -6,12 +6,13 @@ use super::cue::{ArmEnd, ColourCue, Others, Search, View, light};
 use super::fusion::{Evidence, Fused, Fusion, FusionSettings, Source};
 use super::{Depth, Intrinsics, NO_DEPTH, Reading, RgbdFrame};
 use crate::{Error, Frame, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use zerre::math::Real;
 use zerre::rng::Stream;
 
 /// How a [`PointTracker`] is set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackerSettings {
     /// The filter.

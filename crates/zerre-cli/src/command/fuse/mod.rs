@@ -112,6 +112,21 @@ fn open(args: &Fuse) -> Result<Opened, Diagnostic> {
             config.tracker.sources.push(Source { name: row.source.clone(), ..usual.clone() });
         }
     }
+    if args.preset == FusePreset::Thesis && !args.without.is_empty() {
+        return Err(Diagnostic::usage("the thesis's filter has all its sources").help("leave --without out"));
+    }
+    for name in &args.without {
+        let tracker = &mut config.tracker;
+        let known: Vec<String> = tracker.all_sources().map(|source| source.name.clone()).collect();
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        if !known.contains(&name.as_str()) {
+            return Err(super::unknown("source", name, &known));
+        }
+        tracker.sources.retain(|source| source.name != *name);
+        for cue in [&mut tracker.colour, &mut tracker.depth] {
+            cue.take_if(|source| source.name == *name);
+        }
+    }
     let truth = match &args.truth {
         Some(path) => {
             read.push(path.clone());
@@ -175,8 +190,9 @@ impl Ears {
         Ears { rows, next: 0, sources: sources.iter().map(|source| source.name.clone()).collect() }
     }
 
-    fn number(&self, name: &str) -> usize {
-        self.sources.iter().position(|source| source == name).unwrap_or(0)
+    /// The number of a source; `None` of one that is left out.
+    fn number(&self, name: &str) -> Option<usize> {
+        self.sources.iter().position(|source| source == name)
     }
 
     /// The last reading of every joint and source since the frame before.
@@ -187,13 +203,17 @@ impl Ears {
             if time.nanos() > frame.time.nanos().saturating_add(SLACK) {
                 break;
             }
-            last.insert((row.joint.clone(), self.number(&row.source)), row.reading);
+            if let Some(source) = self.number(&row.source) {
+                last.insert((row.joint.clone(), source), row.reading);
+            }
             self.next += 1;
         }
         let number = frame.index.to_string();
         for row in &self.rows {
-            if matches!(&row.when, When::Frame(name) if *name == frame.name || *name == number) {
-                last.insert((row.joint.clone(), self.number(&row.source)), row.reading);
+            if matches!(&row.when, When::Frame(name) if *name == frame.name || *name == number)
+                && let Some(source) = self.number(&row.source)
+            {
+                last.insert((row.joint.clone(), source), row.reading);
             }
         }
         let mut heard: BTreeMap<String, Vec<(usize, Vec<Reading>)>> = BTreeMap::new();
@@ -274,7 +294,7 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
                 if follow.has(joint) {
                     continue;
                 }
-                let said = heard.get(joint).and_then(|said| Some(*said.first()?.1.first()?));
+                let said = heard.get(joint).and_then(|said| said.first()?.1.first().copied());
                 let by_hand = args.start.map(|at| Reading { at, depth_mm: None, confidence: 1.0 });
                 if let Some(first) = by_hand.or(said) {
                     follow.start(joint, &frame, &empty, first)?;
@@ -465,6 +485,7 @@ fn command_line(args: &Fuse, options: &Global) -> String {
     option("joints", path(&args.joints));
     args.joint.iter().for_each(|joint| option("joint", Some(joint.clone())));
     option("start", args.start.map(|[x, y]| format!("{x},{y}")));
+    args.without.iter().for_each(|name| option("without", Some(name.clone())));
     option("preset", (args.preset == FusePreset::Thesis).then(|| "thesis".to_owned()));
     option("room", args.room.and_then(|room| json!(room).as_str().map(str::to_owned)));
     option("camera", path(&args.camera));

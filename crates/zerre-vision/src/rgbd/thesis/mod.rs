@@ -9,13 +9,14 @@ pub use pipeline::{Difference, Logic, Picture, Show};
 use super::{Depth, Reading, RgbdFrame};
 use crate::{Error, Frame, Result};
 use pipeline::{Before, Window};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use zerre::math::Real;
 use zerre::resample::{Resampler, Resampling};
 use zerre::rng::{Purpose, Stream};
 
 /// When particles are resampled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Resamples {
     /// In every step, as the program in the appendix does.
@@ -27,7 +28,7 @@ pub enum Resamples {
 
 /// How the thesis's filter is set. Numbers that its text has lost were chosen on drawn calibration clips
 /// ([`SceneSettings::calibration`](super::scene::SceneSettings)), and are marked so.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ThesisSettings {
     /// Number of particles.

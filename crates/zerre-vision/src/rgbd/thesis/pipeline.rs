@@ -7,10 +7,11 @@ use crate::operator::{
 };
 use crate::rgbd::{Depth, RgbdFrame};
 use crate::{Frame, Image, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How the difference of two pictures is taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Difference {
     /// Empty room less scene, nothing below 0, as the thesis does: what is brighter than the room vanishes.
@@ -21,7 +22,7 @@ pub enum Difference {
 }
 
 /// How two masks become one. The thesis lost the word.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Logic {
     /// One or the other, not both: of two thresholds of one picture what lies between them.
