@@ -1,7 +1,7 @@
 //! `zerre video`: one object through a video.
 
 mod choose;
-mod open;
+pub(super) mod open;
 mod overlay;
 
 use crate::Exit;

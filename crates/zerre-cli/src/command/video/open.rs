@@ -102,7 +102,7 @@ fn sequence(args: &Video, folder: &Path) -> Result<Option<Sequence>, Diagnostic>
 /// The box that somebody draws on the first frame; without a display, what to do.
 fn chosen(frames: &mut Frames, console: &Console) -> Result<Rect, Diagnostic> {
     let size = match frames.peek().map(|shot| &shot.frame) {
-        Some(Ok(frame)) if choose::has_display() => return choose::ask(frame, console),
+        Some(Ok(frame)) if crate::browser::has_display() => return choose::ask(frame, console),
         Some(Ok(frame)) => format!(", which has {} x {}", frame.width(), frame.height()),
         Some(Err(error)) => return Err(Diagnostic::new(error.to_string())),
         None => String::new(),
@@ -115,14 +115,14 @@ fn chosen(frames: &mut Frames, console: &Console) -> Result<Rect, Diagnostic> {
 }
 
 /// All pictures of a folder as one input, one after the other.
-fn of_pictures(name: &str, pictures: &Pictures) -> Result<Input, Diagnostic> {
+pub(in crate::command) fn of_pictures(name: &str, pictures: &Pictures) -> Result<Input, Diagnostic> {
     let files: Vec<PathBuf> = pictures.places().iter().filter_map(file).collect();
     let chain = Chain { files: files.into_iter(), open: None };
     let unreadable = |error| Diagnostic::io("read", pictures.folder(), &error);
     Hashing::new(chain).finish(name).map_err(unreadable)
 }
 
-fn file(place: &Place) -> Option<PathBuf> {
+pub(in crate::command) fn file(place: &Place) -> Option<PathBuf> {
     match place {
         Place::File(path) => Some(path.clone()),
         Place::Missing(_) => None,
