@@ -7,6 +7,7 @@ use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn};
 use axum::response::{IntoResponse, Response};
+use axum::routing::MethodRouter;
 use std::future::{Future, IntoFuture, poll_fn};
 use std::net::{Ipv4Addr, TcpListener};
 use std::pin::pin;
@@ -44,17 +45,22 @@ pub(crate) fn listen(port: u16) -> Result<(TcpListener, u16)> {
     Ok((listener, port))
 }
 
-/// Serves `pages` under `/key/` until `done` says so.
+/// Serves `index` as `/key/` and `pages` below it until `done` says so.
 ///
 /// # Errors
 /// A system that refuses.
 pub(crate) fn serve(
     listener: TcpListener,
     key: &str,
+    index: MethodRouter,
     pages: Router,
     done: impl Fn() -> bool + Send + Sync + 'static,
 ) -> Result<()> {
-    let app = Router::new().nest(&format!("/{key}"), pages).fallback(nothing_here).layer(from_fn(guard));
+    let app = Router::new()
+        .route(&format!("/{key}/"), index)
+        .nest(&format!("/{key}"), pages)
+        .fallback(nothing_here)
+        .layer(from_fn(guard));
     // One thread answers; what waits for the disk does so on threads of its own.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     listener.set_nonblocking(true)?;

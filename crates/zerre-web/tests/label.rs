@@ -151,26 +151,11 @@ fn operators_are_blind_to_each_other() {
     for session in [json!("made up"), json!("")] {
         assert_eq!(server.mark(&session, "x", 0).0, 409);
     }
-    let answers = server.store.lock().unwrap().answers(&server.store_job()).unwrap();
+    let job = server.store.lock().unwrap().job().unwrap().unwrap();
+    let answers = server.store.lock().unwrap().answers(&job).unwrap();
     assert_eq!(answers.operators, ["Ann", "Bob"]);
     assert_eq!(answers.answers[0][0][0], Some(Some([3.5, 4.5])));
     assert_eq!(answers.answers[0][1], [None, None, None, None]);
-}
-
-impl Server {
-    fn store_job(&self) -> Job {
-        // The lock is held by the caller, so the job is asked of the page.
-        let job = self.ask("job", None).1;
-        let list =
-            |key: &str| job[key].as_array().unwrap().iter().map(|v| v.as_str().unwrap().to_owned()).collect();
-        Job {
-            title: "clip".to_owned(),
-            input: "abc".to_owned(),
-            points: list("points"),
-            frames: list("frames"),
-            size: [64, 48],
-        }
-    }
 }
 
 #[test]

@@ -37,14 +37,14 @@ pub fn ask<T: Send + 'static>(
     };
     let asset = |kind: &'static str, text: &'static str| get(move || async move { file(kind, text) });
     let picture = Bytes::from(picture);
+    let index = asset("text/html; charset=utf-8", include_str!("page.html"));
     let pages = Router::new()
-        .route("/", asset("text/html; charset=utf-8", include_str!("page.html")))
         .route("/page.css", asset("text/css; charset=utf-8", include_str!("page.css")))
         .route("/page.js", asset("text/javascript; charset=utf-8", include_str!("page.js")))
         .route("/frame.png", get(move || async move { file("image/png", picture) }))
         .route("/box", post(take));
     tell(&format!("http://127.0.0.1:{port}/{key}/"));
-    serve(listener, &key, pages, move || held(&seen).is_some())?;
+    serve(listener, &key, index, pages, move || held(&seen).is_some())?;
     let value = held(&found).take();
     value.ok_or_else(|| std::io::Error::other("it ended before a box was drawn").into())
 }

@@ -110,8 +110,9 @@ impl Opened {
     /// A system that refuses.
     pub fn serve(self, done: impl Fn() -> bool + Send + Sync + 'static) -> Result<()> {
         let asset = |kind: &'static str, text: &'static str| get(move || async move { file(kind, text) });
+        let index = asset("text/html; charset=utf-8", include_str!("page.html"));
+        let index = index.with_state(Arc::clone(&self.desk));
         let pages = Router::new()
-            .route("/", asset("text/html; charset=utf-8", include_str!("page.html")))
             .route("/page.css", asset("text/css; charset=utf-8", include_str!("page.css")))
             .route("/marks.js", asset("text/javascript; charset=utf-8", include_str!("marks.js")))
             .route("/view.js", asset("text/javascript; charset=utf-8", include_str!("view.js")))
@@ -122,7 +123,7 @@ impl Opened {
             .route("/alive", post(alive))
             .route("/events", post(events))
             .with_state(self.desk);
-        serve(self.listener, &self.key, pages, done)
+        serve(self.listener, &self.key, index, pages, done)
     }
 }
 
