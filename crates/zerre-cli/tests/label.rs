@@ -6,11 +6,15 @@ use browser::{Browser, Window};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use zerre_vision::Image;
-use zerre_vision::frames::folder::png;
+use zerre_vision::frames::folder::{frame, png};
+use zerre_web::label::{Desk, Job, Store};
 
 /// Pixels of the made pictures; a page of 1280 x 800 shows them at a whole factor.
 const SIZE: [usize; 2] = [96, 64];
@@ -308,6 +312,9 @@ fn two_operators_mark_a_whole_job_and_a_killed_server_loses_nothing() {
     let own = labels(export.as_str().unwrap());
     assert_eq!(own.len(), FRAMES);
     browser.picture(&ann, &here.join("done.png"));
+    let login = browser.open(&address, false);
+    browser.wait(&login, "document.getElementById('login').open");
+    browser.picture(&login, &here.join("login.png"));
 
     // Bob looks closer: wheel, drag, and back; the crosshair stays where it is in the picture.
     browser.wait(&bob, "!document.getElementById('app').inert");
@@ -384,4 +391,219 @@ fn check_tables(here: &Path) {
     assert_eq!((&record["state"], &record["counts"]["used"]), (&"complete".into(), &FRAMES.into()));
     let files: Vec<_> = record["files"].as_array().unwrap().iter().map(|f| f.as_str().unwrap()).collect();
     assert_eq!(files, ["again.csv", "agreement.csv", "labels.csv", "reference.csv", "report.html"]);
+}
+
+/// The disk is full in the middle of two points a frame: it is said, the page keeps what it has, and saves it later.
+#[test]
+fn a_full_disk_is_said_and_nothing_is_lost() {
+    let here = folder("full");
+    let Some(mut browser) = Browser::start(&here.join("profile")) else { return };
+    pictures(&here, 3);
+    let store = Arc::new(Mutex::new(Store::open(&here.join("labels.sqlite")).unwrap()));
+    let job = Job {
+        title: "clip".to_owned(),
+        input: "made".to_owned(),
+        points: vec!["hand".to_owned(), "elbow".to_owned()],
+        frames: (1..=3).map(|k| format!("{k:04}.png")).collect(),
+        size: SIZE,
+    };
+    let clip = here.join("clip");
+    let picture = move |number: usize| {
+        let path = clip.join(format!("{:04}.png", number + 1));
+        Ok(("image/png", fs::read(path).map_err(|error| error.to_string())?))
+    };
+    let desk = Desk::new(job.clone(), Arc::clone(&store), picture, |_: &str| {}).unwrap().open(None).unwrap();
+    let address = desk.address.clone();
+    let (stop, done) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    let asked = Arc::clone(&stop);
+    let ended = Arc::clone(&done);
+    let server = std::thread::spawn(move || {
+        desk.serve(move || asked.load(Ordering::Relaxed)).unwrap();
+        ended.store(true, Ordering::Relaxed);
+    });
+
+    let ann = browser.open(&address, false);
+    begin(&mut browser, &ann, "Ann");
+    // Two points a frame: after the first comes the second, then the next frame; a number chooses.
+    browser.key(&ann, "Enter", 0);
+    browser.wait(&ann, "document.getElementById('point-1').checked");
+    browser.key(&ann, "1", 0);
+    browser.wait(&ann, "document.getElementById('point-0').checked");
+    browser.key(&ann, "2", 0);
+    browser.key(&ann, "ArrowRight", 0);
+    browser.key(&ann, "Enter", 0);
+    on_frame(&mut browser, &ann, 2);
+    saved(&mut browser, &ann);
+    browser.picture(&ann, &here.join("points.png"));
+
+    store.lock().unwrap().limit_pages(1).unwrap();
+    let mut answers = 2;
+    while browser.ask(&ann, "document.getElementById('saved').dataset.state") != "bad" {
+        browser.key(&ann, "Enter", 0);
+        answers += 1;
+        assert!(answers < 1000, "the disk is not full");
+    }
+    browser.wait_text(
+        &ann,
+        "saved-text",
+        "The marks cannot be saved: the disk is full. They are kept in this browser",
+    );
+    browser.key(&ann, "Enter", 0);
+    browser.picture(&ann, &here.join("full.png"));
+    // A reload in the worst moment: what was not saved waits in the browser.
+    browser.go(&ann, &address);
+    browser.wait(&ann, "document.getElementById('name-field').value === 'Ann'");
+    browser.press(&ann, "begin");
+    browser.wait_text(&ann, "login-problem", "Ann");
+    browser.press(&ann, "take-over");
+    at_work(&mut browser, &ann);
+    browser.wait_text(
+        &ann,
+        "saved-text",
+        "answers not saved yet. The marks cannot be saved: the disk is full",
+    );
+    store.lock().unwrap().limit_pages(100_000).unwrap();
+    saved(&mut browser, &ann);
+    let login = "fetch('login', { method: 'POST', body: JSON.stringify({ name: 'Ann', take_over: true }) })
+        .then(answer => answer.json()).then(login => login.events.length)";
+    assert_eq!(browser.ask(&ann, login), answers + 1, "every key counts");
+    let found = store.lock().unwrap().answers(&job).unwrap();
+    assert_eq!(found.answers[0][0][0], Some(Some([48.5, 32.5])));
+    assert_eq!(found.answers[1][0][0], Some(Some([49.5, 32.5])));
+    stop.store(true, Ordering::Relaxed);
+    server.join().unwrap();
+    assert!(done.load(Ordering::Relaxed));
+}
+
+/// Asks the page's server; gives the body.
+fn get(server: &Server, path: &str) -> Vec<u8> {
+    let (host, key) = server.address.strip_prefix("http://").unwrap().split_once('/').unwrap();
+    let key = key.split('/').next().unwrap();
+    let mut stream = TcpStream::connect(host).unwrap();
+    write!(stream, "GET /{key}/{path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let body = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap() + 4;
+    answer.split_off(body)
+}
+
+#[test]
+fn every_second_frame_of_a_video_and_operators_who_label_nothing() {
+    if let Err(error) = zerre_vision::frames::ffmpeg::installed("test") {
+        assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "{error}");
+        eprintln!("SKIPPED: {error}");
+        return;
+    }
+    let here = folder("video");
+    pictures(&here, 7);
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-framerate", "10", "-i", "clip/%04d.png", "-c:v", "png", "clip.mkv"])
+        .current_dir(&here)
+        .status();
+    assert!(made.unwrap().success());
+    let line = "label clip.mkv --every 2";
+    let server = Server::start(&here, line);
+    let job: Value = serde_json::from_slice(&get(&server, "job")).unwrap();
+    assert_eq!(job["frames"], serde_json::json!(["frame 1", "frame 3", "frame 5", "frame 7"]));
+    let third = here.join("third.png");
+    fs::write(&third, get(&server, "frames/1")).unwrap();
+    assert_eq!(
+        frame(&third).unwrap(),
+        frame(&here.join("clip/0003.png")).unwrap(),
+        "the pixels of the video"
+    );
+    let address = server.address.clone();
+    let (code, out, said) = server.stop();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("nobody has marked anything: the tables are empty"), "{said}");
+    assert!(out.starts_with("point") && out.contains("ICC(A,1) x unknown"), "{out}");
+    let table = fs::read_to_string(here.join("out/label-clip/labels.csv")).unwrap();
+    assert_eq!(table, "frame,operator,point,x,y,visible\n");
+    let record: Value =
+        serde_json::from_str(&fs::read_to_string(here.join("out/label-clip/run.json")).unwrap()).unwrap();
+    assert_eq!(record["state"], "interrupted");
+
+    // Somebody logs in and marks nothing; the frames, which were lost, come again.
+    fs::remove_dir_all(here.join("out/label-clip/frames")).unwrap();
+    let server = Server::start(&here, &format!("{line} --json --resume"));
+    assert_eq!(server.address, address);
+    let (host, key) = server.address.strip_prefix("http://").unwrap().split_once('/').unwrap();
+    let mut stream = TcpStream::connect(host).unwrap();
+    let body = r#"{"name":"Zoe"}"#;
+    let head = format!("Host: {host}\r\nConnection: close\r\nContent-Length: {}", body.len());
+    write!(stream, "POST /{key}login HTTP/1.1\r\n{head}\r\n\r\n{body}").unwrap();
+    stream.read_to_end(&mut Vec::new()).unwrap();
+    assert_eq!(get(&server, "frames/1"), fs::read(&third).unwrap());
+    let (code, out, said) = server.stop();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("Zoe has answered nothing and is left out"), "{said}");
+    let document: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(
+        (&document["idle"], &document["operators"]),
+        (&serde_json::json!(["Zoe"]), &serde_json::json!([]))
+    );
+}
+
+/// Runs to its refusal; gives what was said.
+fn refused(inside: &Path, line: &str, code: i32) -> String {
+    let output = command(inside, line).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{line}: {said}");
+    assert!(!said.contains("met a bug"), "{said}");
+    said
+}
+
+#[test]
+fn bad_input_is_refused_and_marks_are_never_in_danger() {
+    let here = folder("refused");
+    pictures(&here, 4);
+    fs::create_dir(here.join("empty")).unwrap();
+    fs::create_dir(here.join("full")).unwrap();
+    fs::write(here.join("full/notes.txt"), "mine").unwrap();
+    fs::write(here.join("no.mp4"), "no video").unwrap();
+    let taken = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+    let port = taken.local_addr().unwrap().port();
+    for (line, code, says) in [
+        ("label nowhere", 1, "neither a folder of pictures nor a video file"),
+        ("label empty", 1, "there is no picture"),
+        ("label clip --point a --point a", 2, "the point a is named twice"),
+        ("label clip --point =x", 2, "`=x` cannot be the name of a point"),
+        ("label clip --out clip --force", 1, "holds the input"),
+        ("label clip --out full", 1, "is not empty"),
+        (&format!("label clip --port {port}"), 1, &format!("cannot listen on port {port}")),
+    ] {
+        let said = refused(&here, line, code);
+        assert!(said.contains(says), "{line}: {said}");
+    }
+    if zerre_vision::frames::ffmpeg::installed("test").is_ok() {
+        assert!(refused(&here, "label no.mp4", 1).contains("there is no video in it"));
+    }
+    // One picture is broken and one is of another size: both are left out, and said.
+    fs::write(here.join("clip/0002.png"), "no picture").unwrap();
+    fs::write(here.join("clip/0003.png"), png(&Image::filled(20, 20, [0; 3])).unwrap()).unwrap();
+    let server = Server::start(&here, "label clip --out job");
+    let job: Value = serde_json::from_slice(&get(&server, "job")).unwrap();
+    assert_eq!(job["frames"], serde_json::json!(["0001.png", "0004.png"]));
+    let marks = here.join("job/labels.sqlite");
+    assert!(refused(&here, "label clip --out job", 1).contains("another run is writing to job"));
+    let (code, _, _) = server.stop();
+    assert_eq!(code, Some(0));
+    let record: Value =
+        serde_json::from_str(&fs::read_to_string(here.join("job/run.json")).unwrap()).unwrap();
+    assert_eq!(record["counts"]["rejected"]["unreadable frame"], 2);
+    let before = fs::read(&marks).unwrap();
+    for (line, says) in [
+        ("label clip --out job --point elbow", "another job: its points are hand, not elbow"),
+        ("label clip --out job --every 2", "they have changed since"),
+    ] {
+        let said = refused(&here, line, 1);
+        assert!(said.contains(says) && said.contains("the marks in it are safe"), "{line}: {said}");
+    }
+    // Another command with --force replaces its like, but never marks.
+    let output = command(&here, "simulate radar-cv --out job --force").output().unwrap();
+    assert!(output.status.success());
+    assert!(!here.join("job/labels.csv").exists() && fs::read(&marks).unwrap() == before);
+    fs::write(&marks, "no database at all, but long enough for a header of one hundred bytes".repeat(20))
+        .unwrap();
+    assert!(refused(&here, "label clip --out job --force", 1).contains("labels.sqlite: it is no database"));
 }

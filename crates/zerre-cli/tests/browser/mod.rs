@@ -113,8 +113,9 @@ impl Browser {
     }
 
     pub fn go(&mut self, window: &Window, address: &str) {
+        self.ask(window, "window.left = true");
         self.of(window, "Page.navigate", json!({ "url": address }));
-        self.wait(window, "document.readyState === 'complete'");
+        self.wait(window, "!window.left && document.readyState === 'complete'");
     }
 
     /// The value of an expression.
@@ -123,12 +124,6 @@ impl Browser {
         let answer = self.of(window, "Runtime.evaluate", params);
         assert!(answer["exceptionDetails"].is_null(), "{expression}: {}", answer["exceptionDetails"]);
         answer["result"]["value"].clone()
-    }
-
-    /// Text of an element.
-    pub fn text(&mut self, window: &Window, id: &str) -> String {
-        let value = self.ask(window, &format!("document.getElementById('{id}').textContent"));
-        value.as_str().unwrap_or_default().to_owned()
     }
 
     /// Waits until an expression is true.

@@ -182,7 +182,9 @@ function show() {
   part("next").disabled = part("last").disabled = frame === count - 1;
   const done = part("done");
   done.hidden = given < marks.total();
-  done.textContent = `All ${count} frames are answered. Thank you, ${marks.name}! Any answer can still be changed.`;
+  done.textContent = marks.pending.length
+    ? `All ${count} frames are answered. Leave this window open until all is saved.`
+    : `All ${count} frames are answered. Thank you, ${marks.name}! Any answer can still be changed.`;
   showSaved();
   showPoints();
   view.marks = job.points.map((name, k) => {

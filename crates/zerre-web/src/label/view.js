@@ -206,10 +206,16 @@ export class View {
   }
 
   cross(pen) {
-    const [x, y] = this.onPage(this.at);
+    // Lines lie on pixels of the screen, or they would be blurred over two; they end with the picture.
+    const [x, y] = this.onPage(this.at).map(value => Math.floor(value) + 0.5);
+    const ends = [0, 1].map(k => [Math.max(0, this.origin[k]),
+      Math.min(k ? this.high : this.wide, this.origin[k] + this.size[k] * this.scale)]);
+    const [[left, right], [top, bottom]] = ends;
     const gap = Math.max(9, Math.min(40, this.scale * 1.5));
     const lines = new Path2D();
-    for (const [x1, y1, x2, y2] of [[0, y, x - gap, y], [x + gap, y, this.wide, y], [x, 0, x, y - gap], [x, y + gap, x, this.high]]) {
+    for (const [x1, y1, x2, y2] of [[left, y, x - gap, y], [x + gap, y, right, y], [x, top, x, y - gap], [x, y + gap, x, bottom]]) {
+      // Near the edge there is no room for a line.
+      if (x2 < x1 || y2 < y1) continue;
       lines.moveTo(x1, y1);
       lines.lineTo(x2, y2);
     }
@@ -245,11 +251,11 @@ export class View {
     const wide = pen.measureText(name).width;
     pen.fillStyle = "rgba(0, 0, 0, .65)";
     pen.beginPath();
-    pen.roundRect(x + 13, y - 10, wide + 12, 20, 5);
+    pen.roundRect(x + 9, y - 30, wide + 12, 20, 5);
     pen.fill();
     pen.fillStyle = "#fff";
     pen.textBaseline = "middle";
-    pen.fillText(name, x + 19, y + 0.5);
+    pen.fillText(name, x + 15, y - 19.5);
   }
 
   /** The surroundings of the crosshair, each pixel large. */
