@@ -599,6 +599,13 @@ fn bad_input_is_refused_and_marks_are_never_in_danger() {
         let said = refused(&here, line, 1);
         assert!(said.contains(says) && said.contains("the marks in it are safe"), "{line}: {said}");
     }
+    // A table of marks without their file is not written over.
+    let aside = here.join("aside.sqlite");
+    fs::rename(&marks, &aside).unwrap();
+    fs::write(here.join("job/labels.csv"), "frame,operator,point,x,y,visible\n0001.png,Ann,hand,1.5,2.5,1\n")
+        .unwrap();
+    assert!(refused(&here, "label clip --out job", 1).contains("has marks whose file labels.sqlite is gone"));
+    fs::rename(&aside, &marks).unwrap();
     // Another command with --force replaces its like, but never marks.
     let output = command(&here, "simulate radar-cv --out job --force").output().unwrap();
     assert!(output.status.success());

@@ -45,6 +45,7 @@ export class Marks {
     try {
       const places = Object.keys(localStorage).filter(key => key.startsWith(this.prefix)).sort();
       const found = places.flatMap(place => JSON.parse(localStorage.getItem(place) || "[]"));
+      // Within a window they are in their order already, which a stable sort keeps.
       for (const event of found.sort((a, b) => a.order - b.order)) {
         if (!known.has(event.id)) { known.add(event.id); this.pending.push(event); this.events.push(event); }
       }
@@ -79,7 +80,7 @@ export class Marks {
   total() { return this.job.frames.length * this.job.points.length; }
 
   add(event) {
-    const whole = { id: random(), order: Date.now() + performance.now() % 1, ...event };
+    const whole = { id: random(), order: Date.now(), ...event };
     this.events.push(whole);
     this.pending.push(whole);
     this.keep();

@@ -33,9 +33,14 @@ pub(super) fn run(args: &Label, options: &Global, console: &Console) -> Result<E
     let mut record = Record::new(COMMAND, options.seed, config);
     record.input.push(source.input()?);
     if options.explain {
+        let text =
+            serde_json::to_string_pretty(&record.config).map_err(|e| Diagnostic::new(e.to_string()))?;
+        let port = args
+            .port
+            .map_or_else(|| "the one of last time, else any that is free".to_owned(), |p| p.to_string());
         console.info(format_args!(
-            "{:#}\nevery frame has one or more points; operators are blind",
-            record.config
+            "{text}\npoints: one, `{POINT}`, unless --point names others\nevery: all frames are marked unless told\n\
+             port: {port}; it changes no result"
         ));
     }
     let read = source.reads();
@@ -45,8 +50,16 @@ pub(super) fn run(args: &Label, options: &Global, console: &Console) -> Result<E
     listen()?;
     let path = folder.path().join(MARKS);
     if !path.exists() {
+        let nothing = outcome::nothing(&points).labels().csv();
+        let table = folder.path().join("labels.csv");
+        if std::fs::read(&table).is_ok_and(|text| text != nothing.as_bytes()) && !options.force {
+            let what = format!("{} has marks whose file {MARKS} is gone", table.display());
+            return Err(
+                Diagnostic::new(what).help("name another folder with --out; --force replaces the table")
+            );
+        }
         // The folder is known as ours before the marks are in it.
-        outcome::write(&mut folder, "labels.csv", &outcome::nothing(&points).labels().csv())?;
+        outcome::write(&mut folder, "labels.csv", &nothing)?;
     }
     let mut store = Store::open(&path).map_err(|error| refused(&error))?;
     let input = record.input.iter().map(|input| input.sha256.clone()).collect::<String>();
