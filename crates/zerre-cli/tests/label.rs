@@ -126,7 +126,8 @@ fn on_frame(browser: &mut Browser, window: &Window, number: usize) {
     shown(browser, window);
 }
 
-/// Clicks on a place of the picture, which is shown whole at the largest whole factor, in the middle of its room.
+/// Clicks on a place of the picture, which is shown whole at the largest whole factor, in the middle of its
+/// room.
 fn click(browser: &mut Browser, window: &Window, place: [f64; 2]) {
     let room = browser.ask(
         window,
@@ -393,7 +394,8 @@ fn check_tables(here: &Path) {
     assert_eq!(files, ["again.csv", "agreement.csv", "labels.csv", "reference.csv", "report.html"]);
 }
 
-/// The disk is full in the middle of two points a frame: it is said, the page keeps what it has, and saves it later.
+/// The disk is full in the middle of two points a frame: it is said, the page keeps what it has, and saves it
+/// later.
 #[test]
 fn a_full_disk_is_said_and_nothing_is_lost() {
     let here = folder("full");

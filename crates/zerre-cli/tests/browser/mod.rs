@@ -1,4 +1,5 @@
-//! A headless Chromium, driven by the DevTools protocol: real mouse and key events, no library of scripts between.
+//! A headless Chromium, driven by the DevTools protocol: real mouse and key events, no library of scripts
+//! between.
 
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -147,7 +148,8 @@ impl Browser {
         self.wait(window, &format!("document.getElementById('{id}').textContent.includes({})", json!(text)));
     }
 
-    /// Presses and releases a key, as `KeyboardEvent.key` names it; `modifiers` are 1 alt, 2 control, 8 shift.
+    /// Presses and releases a key, as `KeyboardEvent.key` names it; `modifiers` are 1 alt, 2 control, 8
+    /// shift.
     pub fn key(&mut self, window: &Window, key: &str, modifiers: u32) {
         let code = match key {
             "Enter" => 13,

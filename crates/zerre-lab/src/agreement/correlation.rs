@@ -41,10 +41,10 @@ impl Variance {
         })
     }
 
-    /// ICC(A,1), which is ICC(2,1) of Shrout and Fleiss: absolute agreement of single marks, operators taken as drawn
-    /// at random from those who might have marked. With its 95 % interval. McGraw and Wong, Forming inferences about
-    /// some intraclass correlation coefficients, Psychological Methods 1, 1996, tables 4 and 7. `None` where all values
-    /// are equal.
+    /// ICC(A,1), which is ICC(2,1) of Shrout and Fleiss: absolute agreement of single marks, operators taken
+    /// as drawn at random from those who might have marked. With its 95 % interval. McGraw and Wong, Forming
+    /// inferences about some intraclass correlation coefficients, Psychological Methods 1, 1996, tables 4 and
+    /// 7. `None` where all values are equal.
     pub fn absolute_agreement(&self) -> Option<Estimate> {
         let [n, k] = self.size.map(|size| size as f64);
         let [rows, columns, rest] = self.mean_squares;
@@ -78,8 +78,9 @@ mod tests {
     use super::*;
     use crate::metric::test_noise::Noise;
 
-    /// Shrout and Fleiss, Intraclass correlations, Psychological Bulletin 86, 1979, tables 2 to 4: the mean squares
-    /// and ICC(2,1) are printed there with two decimals; the interval is that of the R package psych (0.019 to 0.761).
+    /// Shrout and Fleiss, Intraclass correlations, Psychological Bulletin 86, 1979, tables 2 to 4: the mean
+    /// squares and ICC(2,1) are printed there with two decimals; the interval is that of the R package psych
+    /// (0.019 to 0.761).
     #[test]
     fn the_example_of_shrout_and_fleiss() {
         let rows = [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]];
@@ -105,9 +106,9 @@ mod tests {
         assert_eq!(exact.absolute_agreement(), Some(Estimate { value: 1.0, low: 1.0, high: 1.0 }));
     }
 
-    /// Objects with sd 4, operators with bias of sd 1 and noise of sd 2: the correlation is 16 / 21. Of 400 jobs of 40
-    /// frames and 5 operators, a share of 0.95 has a standard error of 0.011; three of them and 0.015 for the
-    /// approximate interval are the bounds.
+    /// Objects with sd 4, operators with bias of sd 1 and noise of sd 2: the correlation is 16 / 21. Of 400
+    /// jobs of 40 frames and 5 operators, a share of 0.95 has a standard error of 0.011; three of them and
+    /// 0.015 for the approximate interval are the bounds.
     #[test]
     fn the_interval_covers() {
         let mut noise = Noise(9);

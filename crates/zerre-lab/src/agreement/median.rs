@@ -7,9 +7,10 @@ const MOST_STEPS: usize = 1000;
 /// Movement, as a share of the points' extent, at which the iteration ends.
 const TOLERANCE: f64 = 1e-12;
 
-/// The point with the least sum of distances to `points`: Weiszfeld's iteration with the treatment of data points by
-/// Vardi and Zhang (The multivariate L1-median and associated data depth, PNAS 97, 2000). Of two points every point
-/// between them has the least sum, and the middle is taken. `None` of no points, and where one is not finite.
+/// The point with the least sum of distances to `points`: Weiszfeld's iteration with the treatment of data
+/// points by Vardi and Zhang (The multivariate L1-median and associated data depth, PNAS 97, 2000). Of two
+/// points every point between them has the least sum, and the middle is taken. `None` of no points, and where
+/// one is not finite.
 pub fn geometric_median(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     if points.is_empty() || points.iter().flatten().any(|value| !value.is_finite()) {
         return None;
@@ -70,17 +71,18 @@ fn step(points: &[[f64; 2]], at: [f64; 2]) -> [f64; 2] {
     [0, 1].map(|k| (1.0 - kept) * target[k] + kept * at[k])
 }
 
-/// Standard error of the geometric median `at` of `points` along one axis, the root of the mean over both axes. The
-/// squared distance between median and truth has twice its square as its mean. `None` of fewer than two points.
+/// Standard error of the geometric median `at` of `points` along one axis, the root of the mean over both
+/// axes. The squared distance between median and truth has twice its square as its mean. `None` of fewer than
+/// two points.
 ///
 /// In the plane the median of n draws from an isotropic normal law has the covariance 4 s^2 / (pi n) (Brown,
-/// Statistical uses of the spatial median, JRSS B 45, 1983; Mottonen, Nordhausen and Oja, Asymptotic theory of the
-/// spatial median, 2010), and s is the mean distance from the centre times sqrt(2 / pi): together
-/// 8 d^2 / (pi^2 (n - 1)), with n - 1 for the centre that was fitted. A mark far off enters by its distance and not by
-/// the square. The general sandwich A^-1 B A^-1 of the same sources is of no use for the two to seven operators of a
-/// job: with three, draws of a normal law give it no mean. The middle of two points is their mean, with the mean's
-/// standard error. Where one axis is far noisier than the other the interval is too short (covering 89 % instead of
-/// 95 % at five to one).
+/// Statistical uses of the spatial median, JRSS B 45, 1983; Mottonen, Nordhausen and Oja, Asymptotic theory
+/// of the spatial median, 2010), and s is the mean distance from the centre times sqrt(2 / pi): together 8
+/// d^2 / (pi^2 (n - 1)), with n - 1 for the centre that was fitted. A mark far off enters by its distance and
+/// not by the square. The general sandwich A^-1 B A^-1 of the same sources is of no use for the two to seven
+/// operators of a job: with three, draws of a normal law give it no mean. The middle of two points is their
+/// mean, with the mean's standard error. Where one axis is far noisier than the other the interval is too
+/// short (covering 89 % instead of 95 % at five to one).
 pub fn standard_error(points: &[[f64; 2]], at: [f64; 2]) -> Option<f64> {
     let mean = points.iter().map(|p| distance(*p, at)).sum::<f64>() / points.len() as f64;
     match points.len() {
@@ -90,8 +92,9 @@ pub fn standard_error(points: &[[f64; 2]], at: [f64; 2]) -> Option<f64> {
     }
 }
 
-/// Radius about a geometric median of `count` points within which the truth lies with a probability of 95 %, in its
-/// standard errors: the squared distance over 2 se^2 is taken as F(2, 2 (n - 1)), whose quantile has this closed form.
+/// Radius about a geometric median of `count` points within which the truth lies with a probability of 95 %,
+/// in its standard errors: the squared distance over 2 se^2 is taken as F(2, 2 (n - 1)), whose quantile has
+/// this closed form.
 pub fn radius95(count: usize) -> Option<f64> {
     let freedom = count.checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
     Some((2.0 * freedom * (0.05f64.powf(-1.0 / freedom) - 1.0)).sqrt())
@@ -143,7 +146,8 @@ mod tests {
         assert!(distance(at([0.1, 0.1]), at([1e4, 1e4])) < 1.0);
     }
 
-    /// How often the truth lies within the radius, and the mean square of the error against that of `standard_error`.
+    /// How often the truth lies within the radius, and the mean square of the error against that of
+    /// `standard_error`.
     fn coverage(draw: &mut dyn FnMut() -> [f64; 2], count: usize, runs: usize) -> (f64, f64) {
         let (mut inside, mut squares, mut claimed) = (0, 0.0, 0.0);
         for _ in 0..runs {
@@ -158,10 +162,10 @@ mod tests {
         (inside as f64 / runs as f64, claimed / squares)
     }
 
-    /// 4000 runs: a share of 0.95 has a standard error of 0.0034; four of them, and 0.005 for the approximate F law,
-    /// are the bounds. The mean square of an error in the plane has a relative standard error of 1 / sqrt(4000) at
-    /// least (each square is exponential); five of them for both means together, and 8 % for the asymptotic factor,
-    /// which at four operators is off by so much.
+    /// 4000 runs: a share of 0.95 has a standard error of 0.0034; four of them, and 0.005 for the approximate
+    /// F law, are the bounds. The mean square of an error in the plane has a relative standard error of 1 /
+    /// sqrt(4000) at least (each square is exponential); five of them for both means together, and 8 % for
+    /// the asymptotic factor, which at four operators is off by so much.
     #[test]
     fn the_standard_error_covers() {
         let mut noise = Noise(3);
@@ -179,7 +183,8 @@ mod tests {
             let (share, _) = coverage(&mut draw, count, 4000);
             assert!(share > 0.95 - 0.0136, "{count} operators with slips: {share}");
         }
-        // Five times as far across as down, the other way an interval is too short by a little, and is said to be.
+        // Five times as far across as down, the other way an interval is too short by a little, and is said
+        // to be.
         let (share, _) = coverage(&mut || [noise.normal(), 0.2 * noise.normal()], 5, 4000);
         assert!((0.86..0.95).contains(&share), "{share}");
         assert_eq!((standard_error(&[[1.0, 1.0]], [1.0, 1.0]), radius95(1), radius95(0)), (None, None, None));

@@ -1,8 +1,9 @@
-//! How well several operators agree who marked the same points in the same frames, and what to take as the reference.
+//! How well several operators agree who marked the same points in the same frames, and what to take as the
+//! reference.
 //!
-//! Places are pixels, x to the right and y downwards; pixel (x, y) covers [x, x + 1) by [y, y + 1). The reference of a
-//! frame is the geometric median of those who see the point: one operator's slip moves it little. An operator is
-//! compared with the reference of the others, so that nobody agrees with oneself.
+//! Places are pixels, x to the right and y downwards; pixel (x, y) covers [x, x + 1) by [y, y + 1). The
+//! reference of a frame is the geometric median of those who see the point: one operator's slip moves it
+//! little. An operator is compared with the reference of the others, so that nobody agrees with oneself.
 
 mod correlation;
 mod median;
@@ -67,8 +68,8 @@ pub struct Operator {
     pub spread: Option<[f64; 2]>,
     /// Mean, median and 95th percentile of the distance, px.
     pub distance: Option<[f64; 3]>,
-    /// Share of the frames with answers of others in which "visible or not" is what most of them say (a tie is
-    /// agreement).
+    /// Share of the frames with answers of others in which "visible or not" is what most of them say (a tie
+    /// is agreement).
     pub same_visibility: Option<f64>,
 }
 
@@ -77,8 +78,8 @@ pub struct Operator {
 pub struct Again {
     /// Number of the frame.
     pub frame: usize,
-    /// Largest distance of a mark from the reference of the others, px, and whose it is; `None` where nobody's is
-    /// beyond the limit.
+    /// Largest distance of a mark from the reference of the others, px, and whose it is; `None` where
+    /// nobody's is beyond the limit.
     pub far: Option<(f64, usize)>,
     /// Operators who see the point and who do not, where they disagree; else zeros.
     pub split: [usize; 2],
@@ -95,8 +96,8 @@ pub struct Agreement {
     pub distances: Vec<Vec<Option<f64>>>,
     /// ICC(A,1) along each axis with its 95 % interval.
     pub correlation: [Option<Estimate>; 2],
-    /// Operators and frames that the correlation is of: operators with at least half as many marks as the busiest,
-    /// frames that all of them have marked.
+    /// Operators and frames that the correlation is of: operators with at least half as many marks as the
+    /// busiest, frames that all of them have marked.
     pub correlated: [usize; 2],
     /// Standard deviation between operators within a frame along each axis, px: biases and noise together.
     pub deviation: Option<[f64; 2]>,
@@ -223,9 +224,9 @@ fn within(answers: &Answers, frames: usize) -> Option<[f64; 2]> {
     (freedom > 0.0).then(|| squares.map(|squares| (squares / freedom).sqrt()))
 }
 
-/// The distance that a job of Rayleigh distances of the same median exceeds anywhere with [`FALSE_ALARM`]: the median of
-/// a Rayleigh law is s sqrt(2 ln 2), its tail exp(-d^2 / 2 s^2), and the m distances share the alarm (Bonferroni). A
-/// pixel at least: nobody aims better.
+/// The distance that a job of Rayleigh distances of the same median exceeds anywhere with [`FALSE_ALARM`]:
+/// the median of a Rayleigh law is s sqrt(2 ln 2), its tail exp(-d^2 / 2 s^2), and the m distances share the
+/// alarm (Bonferroni). A pixel at least: nobody aims better.
 fn limit(distances: &[Vec<Option<f64>>]) -> Option<f64> {
     let all: Vec<f64> = distances.iter().flatten().flatten().copied().collect();
     if all.is_empty() {

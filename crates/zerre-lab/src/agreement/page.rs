@@ -20,8 +20,8 @@ pub fn page(title: String, facts: Vec<(String, String)>, job: &Job, agreements: 
              of the others only. Bias is the mean of mark less reference with a 95 % interval, spread the standard \
              deviation about it, both in pixels.",
             "se is the standard error of the reference along an axis, from the mean distance of the marks and the \
-             asymptotic efficiency of the median. It is not less than what any tracker's error can be told by. What all \
-             operators have in common is in no standard error.",
+             asymptotic efficiency of the median. No error of a tracker below it can be measured. What all operators \
+             have in common is in no standard error.",
             "ICC(A,1) is the share of a mark's variance that is the object's and not the operator's. An object that \
              moves far makes it almost 1 whatever the operators do: look at the deviation in pixels.",
             "A frame is to be looked at again where a mark is further from the others than all marks of a job without \

@@ -55,8 +55,8 @@ impl Job {
         Table::new("labels", about, &["frame", "operator", "point", "x", "y", "visible"], rows)
     }
 
-    /// The reference by frame and point: `frame,point,x,y,se,operators`. A frame that nobody has answered has no row;
-    /// one in which the point is not visible has no place.
+    /// The reference by frame and point: `frame,point,x,y,se,operators`. A frame that nobody has answered has
+    /// no row; one in which the point is not visible has no place.
     pub fn reference(&self, agreements: &[Agreement]) -> Table {
         let mut rows = Vec::new();
         for (frame, name) in self.frames.iter().enumerate() {
@@ -97,7 +97,8 @@ fn pair(place: Option<[f64; 2]>) -> [Entry; 2] {
     [0, 1].map(|k| place.map(|place| place[k]).into())
 }
 
-/// All statistics in long form: `point,operator,statistic,value,low,high`; without an operator they are of all.
+/// All statistics in long form: `point,operator,statistic,value,low,high`; without an operator they are of
+/// all.
 pub fn statistics(job: &Job, agreements: &[Agreement]) -> Table {
     let mut rows = Vec::new();
     for (point, agreement) in job.points.iter().zip(agreements) {

@@ -102,8 +102,8 @@ fn simulated_operators_are_found_out() {
     assert_eq!((found.again[0].frame, found.again[0].far.unwrap().1), (123, 1));
     // The noisy operator is beyond the limit of the others now and then; the quiet rest is not listed.
     assert!(found.again.iter().all(|again| again.frame == 123 || again.far.unwrap().1 == 4));
-    // Variances: 833 of the object down and 5000 across; against them noise 2.6, biases 1, and the one slip, 27 down
-    // (230 squared over 2000 marks) and 45 across.
+    // Variances: 833 of the object down and 5000 across; against them noise 2.6, biases 1, and the one slip,
+    // 27 down (230 squared over 2000 marks) and 45 across.
     assert!(found.correlation.iter().all(|icc| (0.95..0.995).contains(&icc.unwrap().value)));
     let tables = job(answers);
     let references = tables.reference(std::slice::from_ref(&found));

@@ -8,8 +8,9 @@ use axum::http::StatusCode;
 use axum::routing::{get, post};
 use std::sync::{Arc, Mutex};
 
-/// Serves a page with `picture`, a PNG file, until what is drawn on it is taken. `tell` gets the page's address; `read`
-/// makes of a text of four numbers `x,y,width,height` what is wanted, or says what is wrong with it.
+/// Serves a page with `picture`, a PNG file, until what is drawn on it is taken. `tell` gets the page's
+/// address; `read` makes of a text of four numbers `x,y,width,height` what is wanted, or says what is wrong
+/// with it.
 ///
 /// # Errors
 /// A system that refuses.

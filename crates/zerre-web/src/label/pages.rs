@@ -55,8 +55,8 @@ pub struct Opened {
 }
 
 impl Desk {
-    /// A desk for a job whose marks are in `store`. `picture` gives the encoded picture of a frame, `tell` gets a
-    /// sentence where something happens that whoever started the program may want to know.
+    /// A desk for a job whose marks are in `store`. `picture` gives the encoded picture of a frame, `tell`
+    /// gets a sentence where something happens that whoever started the program may want to know.
     ///
     /// # Errors
     /// A store with another job.

@@ -1,7 +1,7 @@
 //! The file with the marks: SQLite, every mark a row that is never changed.
 //!
-//! A commit is on the disk before it is acknowledged (`synchronous = FULL`), so that what the browser shows as saved
-//! survives a crash of the program and of the machine.
+//! A commit is on the disk before it is acknowledged (`synchronous = FULL`), so that what the browser shows
+//! as saved survives a crash of the program and of the machine.
 
 use super::{Answer, Event, Job, What};
 use crate::{Error, Result};

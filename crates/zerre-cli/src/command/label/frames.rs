@@ -68,7 +68,8 @@ impl Source {
         first.into_iter().chain([self.path.clone()]).collect()
     }
 
-    /// Looks at every frame once, so that nobody meets one that cannot be read; frames of a video are kept in `out`.
+    /// Looks at every frame once, so that nobody meets one that cannot be read; frames of a video are kept in
+    /// `out`.
     pub(super) fn check(
         self,
         input: String,

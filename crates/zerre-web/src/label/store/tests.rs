@@ -98,7 +98,8 @@ fn a_new_session_ends_the_earlier_one() {
     assert_eq!((store.find("aNN").unwrap(), store.find("Bob").unwrap()), (Some(ann), None));
 }
 
-/// What was saved before the disk was full stays, what was not is refused whole, and all is well with more room.
+/// What was saved before the disk was full stays, what was not is refused whole, and all is well with more
+/// room.
 #[test]
 fn a_full_disk_loses_nothing() {
     let mut store = begun("full");
