@@ -139,6 +139,8 @@ pub enum Command {
     Balls(Balls),
     /// Follow points of a body in colour and depth
     Fuse(Fuse),
+    /// Open the page on which people mark reference points in frames
+    Label(Label),
     /// Measure the speed of this machine
     #[command(after_help = BENCH)]
     Bench {
@@ -449,6 +451,38 @@ pub enum Protocol {
     Spatial,
 }
 
+const LABEL: &str = "\
+Examples:
+  zerre label frames/                                 one point, called hand
+  zerre label clip.mp4 --every 5 --point hand --point elbow
+  zerre label frames/ --port 8123 --out labels        the same address each time
+
+The page is served to browsers of this machine only, on an address that nobody can guess; operators at other machines come
+through a tunnel (ssh -L 8123:127.0.0.1:8123). Each gives a name, sees the own marks only, and may stop and go on. Every
+mark is on the disk before the page shows it as saved; the same command goes on where it stopped, however it stopped.
+Ctrl-C closes the job: labels.csv (frame,operator,point,x,y,visible; pixel (x, y) covers [x, x+1) by [y, y+1)),
+reference.csv (frame,point,x,y,se,operators: geometric median and its standard error), agreement.csv (bias, spread, distance
+from the others, ICC), again.csv (frames to look at again), report.html, run.json. The marks themselves stay in
+labels.sqlite, which no option deletes; of a video, its pictures lie in frames/ beside it.";
+
+/// Open the page on which people mark reference points in frames
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = LABEL)]
+pub struct Label {
+    /// Folder of pictures or video file
+    pub input: PathBuf,
+    /// Port of the page [default: the one of last time, else any that is free]
+    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u16).range(1..))]
+    pub port: Option<u16>,
+    /// Name of a point to mark in each frame; may be given more than once [default: hand]
+    #[arg(long, value_name = "NAME")]
+    pub point: Vec<String>,
+    /// Mark every N-th frame only, from the first one on
+    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroUsize>)]
+    pub every: NonZeroUsize,
+}
+
 const BENCH: &str = "\
 Examples:
   zerre bench
@@ -514,6 +548,7 @@ mod tests {
             "balls f --count 3 --preset thesis --reading c --motion random-walk --resampling residual --strict",
             "balls f --ground g.png --threshold 60 --min-area 9 --max-area 99 --truth t --overlay o.gif",
             "otb a b --tracker still --tracker still --repeat 3 --results r/A --results r/B --protocol temporal",
+            "label clip.mp4 --port 8123 --point hand --point elbow --every 5 --resume",
             "schema scenario",
             "init --log debug",
         ] {
@@ -539,6 +574,10 @@ mod tests {
             "otb",
             "otb a --repeat 0",
             "otb a --protocol all",
+            "label",
+            "label a --port 0",
+            "label a --port 70000",
+            "label a --every 0",
         ] {
             let words = std::iter::once("zerre").chain(line.split(' '));
             assert!(Args::try_parse_from(words).is_err(), "{line}");

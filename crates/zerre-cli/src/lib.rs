@@ -5,6 +5,7 @@
 //! stopped before the end, 2 wrong usage, 3 done but degraded under `--strict`.
 
 pub mod args;
+pub mod browser;
 pub mod catalog;
 pub mod command;
 pub mod config;

@@ -82,7 +82,7 @@ fn a_hand_is_followed() {
     assert_eq!((found["frames"].as_u64(), found["joints"][0].as_str()), (Some(111), Some("hand_right")));
     let thesis = run("thesis", &["--preset", "thesis", "--steps", "1,2"]);
     assert!(rmse(&found) < 6.0 && rmse(&thesis) > 1.5 * rmse(&found), "{found} {thesis}");
-    assert!(out.join("thesis/steps/0002-colour-I2.png").is_file(), "the pictures of the steps");
+    assert!(out.join("thesis/step-0002-colour-I2.png").is_file(), "the pictures of the steps");
     let digest = |found: &Value| found["estimates_digest"].as_str().unwrap().to_owned();
     assert_eq!(digest(&found), digest(&run("again", &["--threads", "1"])));
     assert_ne!(digest(&found), digest(&run("other", &["--seed", "2"])));

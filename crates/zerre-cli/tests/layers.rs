@@ -5,12 +5,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What each package may depend on within the workspace.
-const MAY_USE: [(&str, &[&str]); 6] = [
+const MAY_USE: [(&str, &[&str]); 7] = [
     ("zerre", &[]),
     ("zerre-io", &["zerre"]),
     ("zerre-vision", &["zerre"]),
     ("zerre-lab", &["zerre", "zerre-vision"]),
-    ("zerre-cli", &["zerre", "zerre-io", "zerre-lab", "zerre-vision"]),
+    ("zerre-web", &[]),
+    ("zerre-cli", &["zerre", "zerre-io", "zerre-lab", "zerre-vision", "zerre-web"]),
     ("zerre-examples", &["zerre", "zerre-io", "zerre-lab"]),
 ];
 

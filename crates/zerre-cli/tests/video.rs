@@ -323,20 +323,17 @@ fn a_box_can_be_drawn() {
         .unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     let line = lines.find(|line| line.as_ref().is_ok_and(|l| l.contains("http://"))).unwrap().unwrap();
-    let address = line.split("http://").nth(1).unwrap().split('/').next().unwrap().to_owned();
-    let get =
-        |path: &str| ask(&address, &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"));
-    let post = |body: &str| {
+    let (address, key) = line.split("http://").nth(1).unwrap().split_once('/').unwrap();
+    let key = key.split('/').next().unwrap();
+    let request = |method: &str, path: &str, body: &str| {
         let length = body.len();
-        ask(
-            &address,
-            &format!(
-                "POST /box HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n{body}"
-            ),
-        )
+        let head = "Host: 127.0.0.1\r\nConnection: close";
+        ask(address, &format!("{method} {path} HTTP/1.1\r\n{head}\r\nContent-Length: {length}\r\n\r\n{body}"))
     };
-    assert!(get("/").contains("Which object?"));
-    assert!(get("/frame.png").contains("PNG") && get("/other").starts_with("HTTP/1.1 404"));
+    let get = |path: &str| request("GET", &format!("/{key}/{path}"), "");
+    let post = |body: &str| request("POST", &format!("/{key}/box"), body);
+    assert!(get("").contains("Which object?") && request("GET", "/", "").starts_with("HTTP/1.1 404"));
+    assert!(get("frame.png").contains("PNG") && get("other").starts_with("HTTP/1.1 404"));
     assert!(post("1,2,3").contains("four numbers") && post("500,2,9,9").contains("outside the frame"));
     assert!(post("20,24,16,16").starts_with("HTTP/1.1 200"));
     assert!(child.wait().unwrap().success());

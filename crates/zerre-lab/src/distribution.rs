@@ -66,6 +66,26 @@ pub(crate) fn student_quantile(probability: f64, degrees: f64) -> f64 {
     0.5 * (low + high)
 }
 
+/// The x with P(X <= x) = `probability` (inside (0, 1)) of Fisher's F with these degrees of freedom (above zero), by
+/// bisection of the incomplete beta function.
+pub(crate) fn fisher_quantile(probability: f64, over: f64, under: f64) -> f64 {
+    // P(X <= x) is the incomplete beta function at over x / (over x + under), a share of 1.
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if beta_reg(0.5 * over, 0.5 * under, middle) < probability {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let share = 0.5 * (low + high);
+    under * share / (over * (1.0 - share))
+}
+
 /// The x with P(X <= x) = `probability` (inside (0, 1)) of a standard normal variable.
 pub(crate) fn normal_quantile(probability: f64) -> f64 {
     Normal::standard().inverse_cdf(probability)
@@ -92,6 +112,25 @@ mod tests {
         for (probability, degrees, value) in table {
             let found = chi_square_quantile(probability, degrees);
             assert!((found - value).abs() < 6e-4, "{probability} {degrees}: {found} instead of {value}");
+        }
+    }
+
+    /// Table values: NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.6.7.3 (three decimals printed). With two
+    /// degrees above, the quantile has a closed form.
+    #[test]
+    fn fisher_quantiles_are_the_tables() {
+        for (probability, over, under, value) in [
+            (0.95, 1.0, 10.0, 4.965),
+            (0.95, 5.0, 5.0, 5.050),
+            (0.99, 4.0, 20.0, 4.431),
+            (0.95, 10.0, 100.0, 1.927),
+        ] {
+            let found = fisher_quantile(probability, over, under);
+            assert!((found - value).abs() < 6e-4, "{over} {under}: {found} instead of {value}");
+        }
+        for under in [1.0, 7.5, 300.0] {
+            let exact = 0.5 * under * (0.025f64.powf(-2.0 / under) - 1.0);
+            assert!((fisher_quantile(0.975, 2.0, under) / exact - 1.0).abs() < 1e-9);
         }
     }
 

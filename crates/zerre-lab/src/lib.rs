@@ -3,6 +3,7 @@
 //! Everything here takes plain data (slices and small structs), so that estimates of any filter, or of another
 //! program, are scored, judged and drawn in the same way.
 
+pub mod agreement;
 pub mod balls;
 pub mod bench;
 pub mod consistency;

@@ -19,7 +19,7 @@ camera.json in it or above it says how depth is seen from the colour camera. Dep
 Joints: a table with time_s (or frame), joint, x, y (px), z (mm, may be empty), confidence (0 to 1), and source where there
 are several; joints.csv in the recording unless --joints names another. Of rows between two frames the last one counts.
 Truth: frame,x,y of the first joint, or labels of several operators, whose mean is taken. It is used for scores alone.
-Outputs in --out: points.csv (px, px^2, mm in the colour camera's frame), report.html with film.png, steps/ with --steps,
+Outputs in --out: points.csv (px, px^2, mm in the colour camera's frame), report.html with film.png, step-*.png with --steps,
 run.json.";
 
 /// Follow points of a body in colour and depth

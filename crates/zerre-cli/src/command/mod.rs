@@ -7,6 +7,7 @@ mod compare;
 mod experiment;
 pub(crate) mod fuse;
 mod init;
+mod label;
 mod otb;
 mod reproduce;
 mod schema;
@@ -26,7 +27,10 @@ use crate::diagnostic::{Diagnostic, suggest};
 /// What went wrong, with the exit code in it.
 pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
     if args.global.resume
-        && !matches!(args.command, Command::Reproduce(_) | Command::Study(_) | Command::Otb(_))
+        && !matches!(
+            args.command,
+            Command::Reproduce(_) | Command::Study(_) | Command::Otb(_) | Command::Label(_)
+        )
     {
         return Err(Diagnostic::usage("nothing here resumes: this command starts anew each time")
             .help("leave --resume out"));
@@ -44,6 +48,7 @@ pub fn execute(args: &Args, console: &Console) -> Result<Exit, Diagnostic> {
         Command::Balls(of) => balls::run(of, &args.global, console),
         Command::Fuse(of) => fuse::run(of, &args.global, console),
         Command::Otb(of) => otb::run(of, &args.global, console),
+        Command::Label(of) => label::run(of, &args.global, console),
         Command::Bench { workloads, quick } => bench::run(&args.global, workloads, *quick, console),
     }
 }

@@ -168,6 +168,17 @@ impl Folder {
         Folder::open(&place, &self.command)
     }
 
+    /// Opens the folder to go on in it where an earlier run of the same command made it, else as [`Folder::open`].
+    ///
+    /// # Errors
+    /// As [`Folder::open`].
+    pub fn go_on(place: &Destination, command: &str) -> Result<Folder, Diagnostic> {
+        match ownership(&place.path) {
+            Some(ownership) if ownership.command == command => Folder::reopen(place, command),
+            _ => Folder::open(place, command),
+        }
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path

@@ -315,7 +315,7 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
         for (kind, pictures) in ["colour", "depth"].into_iter().zip(&shown) {
             for (step, picture) in pictures {
                 let bytes = png(&picture.frame()).map_err(refused)?;
-                let name = format!("steps/{:04}-{kind}-{step}.png", frame.index + 1);
+                let name = format!("step-{:04}-{kind}-{step}.png", frame.index + 1);
                 folder.write(&name, |file| file.write_all(&bytes))?;
             }
         }

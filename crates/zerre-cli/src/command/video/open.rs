@@ -102,7 +102,7 @@ fn sequence(args: &Video, folder: &Path) -> Result<Option<Sequence>, Diagnostic>
 /// The box that somebody draws on the first frame; without a display, what to do.
 fn chosen(frames: &mut Frames, console: &Console) -> Result<Rect, Diagnostic> {
     let size = match frames.peek().map(|shot| &shot.frame) {
-        Some(Ok(frame)) if choose::has_display() => return choose::ask(frame, console),
+        Some(Ok(frame)) if crate::browser::has_display() => return choose::ask(frame, console),
         Some(Ok(frame)) => format!(", which has {} x {}", frame.width(), frame.height()),
         Some(Err(error)) => return Err(Diagnostic::new(error.to_string())),
         None => String::new(),

@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn intervals_are_over_blocks() {
         let blocks = Blocks::new(&[200, 195], Stream::new(1));
-        let value = |clip: usize, frame: usize| Some(f64::from((clip + frame / BLOCK) % 2 == 0));
+        let value = |clip: usize, frame: usize| Some(f64::from((clip + frame / BLOCK).is_multiple_of(2)));
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
         let Estimate { value: share, low, high } = blocks.estimate(value, mean).unwrap();
         assert!((share - 0.5).abs() < 0.02);
