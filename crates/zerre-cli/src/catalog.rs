@@ -8,9 +8,10 @@ use zerre_lab::paper::{PAPERS, Paper};
 use zerre_lab::scenario::{Named, SCENARIOS};
 use zerre_lab::study::contender::{CONTENDERS, ContenderInfo};
 use zerre_lab::study::world::{WORLDS, WorldInfo};
-use zerre_vision::balls::SCENES;
+use zerre_vision::balls::SCENES as BALL_SCENES;
 use zerre_vision::balls::scene::Named as BallScene;
 use zerre_vision::clip::{CLIPS, Named as Clip};
+use zerre_vision::rgbd::scene::{Named as Scene, SCENES};
 use zerre_vision::tracker::{Kind as Tracker, TRACKERS};
 
 /// One thing that can be named on the command line or in a configuration.
@@ -62,6 +63,7 @@ pub fn all() -> Vec<Entry> {
     let metric = |m: &MetricInfo| Entry { kind: "metrics", name: m.name, about: m.about, source: m.source };
     let scenario = |s: &Named| Entry { kind: "scenarios", name: s.name, about: s.about, source: s.source };
     let clip = |c: &Clip| Entry { kind: "scenarios", name: c.name, about: c.about, source: "" };
+    let scene = |s: &Scene| Entry { kind: "scenarios", name: s.name, about: s.about, source: "" };
     let balls = |s: &BallScene| Entry { kind: "scenarios", name: s.name, about: s.about, source: "" };
     let paper = |p: &Paper| Entry { kind: "papers", name: p.name, about: p.about, source: p.source };
     let world = |w: &WorldInfo| Entry { kind: "worlds", name: w.name, about: w.about, source: w.source };
@@ -74,7 +76,8 @@ pub fn all() -> Vec<Entry> {
         .chain(METRICS.iter().map(metric))
         .chain(SCENARIOS.iter().map(scenario))
         .chain(CLIPS.iter().map(clip))
-        .chain(SCENES.iter().map(balls))
+        .chain(SCENES.iter().map(scene))
+        .chain(BALL_SCENES.iter().map(balls))
         .chain(PAPERS.iter().map(paper))
         .chain(WORLDS.iter().map(world))
         .chain(CONTENDERS.iter().map(contender))

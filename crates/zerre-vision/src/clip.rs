@@ -1,10 +1,11 @@
 //! Clips that are drawn: an object with a texture moves over ground with a texture, and where it is and how much of it
 //! can be seen is known exactly.
 
+use crate::texture::Texture;
 use crate::{Frame, Image, Rect};
 use std::f64::consts::TAU;
 use zerre::math::Real;
-use zerre::rng::{Draws, Purpose, Stream};
+use zerre::rng::{Purpose, Stream};
 
 /// What makes a clip hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,65 +89,6 @@ pub struct Truth {
     pub bounds: Rect,
     /// Share of it that can be seen.
     pub visible: f64,
-}
-
-/// Colours that vary smoothly on several lengths, from random lattices.
-#[derive(Clone, Debug)]
-struct Texture {
-    base: [f64; 3],
-    /// For each length (pixels) a lattice of 32 x 32 colours that repeats.
-    octaves: Vec<(f64, f64, Vec<[f64; 3]>)>,
-}
-
-const LATTICE: usize = 32;
-
-impl Texture {
-    fn new(draws: &mut Draws, lengths: &[(f64, f64)]) -> Texture {
-        let base = std::array::from_fn(|_| 60.0 + 135.0 * draws.uniform());
-        let octaves = lengths
-            .iter()
-            .map(|&(length, strength)| {
-                let colour = |_| std::array::from_fn(|_| draws.uniform() - 0.5);
-                (length, strength, (0..LATTICE * LATTICE).map(colour).collect())
-            })
-            .collect();
-        Texture { base, octaves }
-    }
-
-    /// Like another one, but for a share of its own.
-    fn near(other: &Texture, draws: &mut Draws, share: f64) -> Texture {
-        let mut near = other.clone();
-        for (_, _, lattice) in &mut near.octaves {
-            for colour in lattice {
-                *colour = colour.map(|v| (1.0 - share) * v + share * (draws.uniform() - 0.5));
-            }
-        }
-        near
-    }
-
-    fn at(&self, x: f64, y: f64) -> [f64; 3] {
-        let mut colour = self.base;
-        for (length, strength, lattice) in &self.octaves {
-            let (u, v) = (x / length, y / length);
-            let (i, j) = (u.floor(), v.floor());
-            let (fu, fv) = (smooth(u - i), smooth(v - j));
-            let point = |di: f64, dj: f64| {
-                let wrap = |k: f64| k.rem_euclid(LATTICE as f64) as usize % LATTICE;
-                &lattice[wrap(j + dj) * LATTICE + wrap(i + di)]
-            };
-            let (a, b, c, d) = (point(0.0, 0.0), point(1.0, 0.0), point(0.0, 1.0), point(1.0, 1.0));
-            for k in 0..3 {
-                let top = a[k] + fu * (b[k] - a[k]);
-                let bottom = c[k] + fu * (d[k] - c[k]);
-                colour[k] += strength * (top + fv * (bottom - top));
-            }
-        }
-        colour
-    }
-}
-
-fn smooth(t: f64) -> f64 {
-    t * t * (3.0 - 2.0 * t)
 }
 
 fn sin(turn: f64) -> f64 {

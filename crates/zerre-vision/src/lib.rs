@@ -11,7 +11,9 @@ pub mod frames;
 pub mod image;
 pub mod operator;
 mod rect;
+pub mod rgbd;
 pub mod sequence;
+mod texture;
 pub mod tracker;
 
 pub use error::{Error, Result};

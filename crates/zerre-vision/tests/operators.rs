@@ -171,9 +171,11 @@ fn arithmetic_and_thresholds_are_those_of_opencv() {
     assert_eq!(operator::weighted_sum(&a, &b, [0.625, -0.25], 31.5).unwrap(), vectors.grey("weighted"));
     assert_eq!(operator::and(&a, &b).unwrap(), vectors.grey("and"));
     assert_eq!(operator::or(&a, &b).unwrap(), vectors.grey("or"));
+    let either = operator::subtract(&vectors.grey("or"), &operator::and(&a, &b).unwrap()).unwrap();
+    assert_eq!(operator::xor(&a, &b).unwrap(), either, "or without and");
     assert_eq!(operator::add(&a, &operator::not(&a)).unwrap(), Image::filled(31, 22, 255));
     assert!(operator::add(&a, &Image::filled(31, 21, 0)).is_err());
-    assert_eq!(vectors.real("otsu"), [operator::otsu(&a).into()]);
+    assert_eq!(vectors.real("otsu"), [f64::from(operator::otsu(&a))]);
     assert_eq!(operator::otsu(&Image::filled(1, 1, 9)), 0);
     assert_eq!(operator::threshold(&a, 118), vectors.grey("threshold"));
     assert_eq!(operator::in_range(&a, 90, 140), vectors.grey("in_range"));

@@ -21,6 +21,7 @@ use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multi_ball::{self, MultiBall};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
+use zerre_lab::paper::rgbd::{self, RgbdFusion};
 use zerre_lab::paper::swarm::dimensions::Dimensions;
 use zerre_lab::paper::swarm::{self, SwarmFilters};
 use zerre_lab::paper::video::{self, VideoTrackers};
@@ -46,6 +47,8 @@ pub(super) fn run(args: &Reproduce, options: &Global, console: &Console) -> Resu
         video(args, options, console)
     } else if name == multi_ball::PAPER.name {
         multi_ball(args, options, console)
+    } else if name == rgbd::PAPER.name {
+        rgbd(args, options, console)
     } else {
         multiple_model(args, options, console)
     }
@@ -292,6 +295,30 @@ fn multi_ball(args: &Reproduce, options: &Global, console: &Console) -> Result<E
         "readings": readings.iter().map(|reading| format!("{reading:?}")).collect::<Vec<_>>(),
     });
     reproduce(paper, &experiment, multi_ball::SETTINGS, (runs, config), (args, options), console)
+}
+
+fn rgbd(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, Diagnostic> {
+    let paper = &rgbd::PAPER;
+    let mut request = rgbd::Request::new(args.quick);
+    if !args.table.is_empty() {
+        let known = |name: &String| {
+            let table = paper.tables.iter().find(|table| **table == name.as_str());
+            table.copied().ok_or_else(|| unknown("table", name, paper.tables))
+        };
+        request.tables = args.table.iter().map(known).collect::<Result<_, _>>()?;
+    }
+    if let Some(runs) = args.runs {
+        request.clips = runs.get() as usize;
+    }
+    if !args.particles.is_empty() {
+        request.particles = args.particles.iter().map(|n| n.get() as usize).collect();
+        request.particles.sort_unstable();
+        request.particles.dedup();
+    }
+    let config = json!({ "tables": request.tables, "clips": request.clips, "particles": request.particles });
+    let what = (request.clips, config);
+    let experiment = RgbdFusion::new(request, options.seed);
+    reproduce(paper, &experiment, rgbd::SETTINGS, what, (args, options), console)
 }
 
 /// Annotated sequences in the folder that is named, or in `otb` within it; without one, in `otb` within that of the

@@ -1,5 +1,7 @@
 //! `zerre simulate`: measurements and truth of a scenario.
 
+mod recording;
+
 use crate::Exit;
 use crate::args::{Global, Simulate};
 use crate::config::{Problem, Source};
@@ -16,6 +18,7 @@ use zerre_vision::Frame;
 use zerre_vision::balls::{SCENES, Scene, TrueBall};
 use zerre_vision::clip::{CLIPS, Clip, Named};
 use zerre_vision::frames::folder::png;
+use zerre_vision::rgbd::scene as rgbd;
 
 const COMMAND: &str = "simulate";
 
@@ -36,6 +39,9 @@ pub(super) fn run(args: &Simulate, options: &Global, console: &Console) -> Resul
     }
     if let Some(clip) = CLIPS.iter().find(|clip| clip.name == args.scenario) {
         return draw_clip(clip, args, options, console);
+    }
+    if let Some(scene) = rgbd::SCENES.iter().find(|scene| scene.name == args.scenario) {
+        return recording::draw(scene, args, options, console);
     }
     let since = Instant::now();
     let scenario = find(&args.scenario)?;
@@ -180,7 +186,9 @@ fn find(name: &str) -> Result<Scenario, Diagnostic> {
     }
     let path = Path::new(name);
     if path.extension().is_none() && path.components().count() == 1 && !path.is_file() {
-        let clips = CLIPS.iter().map(|clip| clip.name).chain(SCENES.iter().map(|scene| scene.name));
+        let balls = SCENES.iter().map(|scene| scene.name);
+        let clips = CLIPS.iter().map(|clip| clip.name).chain(balls);
+        let clips = clips.chain(rgbd::SCENES.iter().map(|scene| scene.name));
         let known: Vec<_> = SCENARIOS.iter().map(|named| named.name).chain(clips).collect();
         let unknown = Diagnostic::usage(format!("there is no scenario `{name}`"));
         return Err(suggest(unknown, name, &known).help("`zerre init scenario` writes one to change"));

@@ -155,6 +155,19 @@ impl Folder {
         Ok(folder)
     }
 
+    /// A folder in this one, for outputs of the same run. It has a `run.json` of its own.
+    ///
+    /// # Errors
+    /// As [`Folder::open`]; a name that is none or leads elsewhere.
+    pub fn within(&self, name: &str) -> Result<Folder, Diagnostic> {
+        let path = self.path.join(name);
+        if !plain(name) || path.is_symlink() {
+            return Err(Diagnostic::new(format!("{name:?} cannot be the name of a folder of outputs")));
+        }
+        let place = Destination { path, explicit: false, force: self.force, inputs: Vec::new() };
+        Folder::open(&place, &self.command)
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
@@ -359,6 +372,37 @@ mod tests {
         fs::write(path.join("notes.txt"), "mine").unwrap();
         run(&place(&path, false, false), &["b.csv", "c.csv"]).unwrap();
         assert_eq!(listing(&path), ["b.csv", "c.csv", "notes.txt", "run.json"]);
+        fs::remove_dir_all(&path).unwrap();
+    }
+
+    /// A folder within is replaced with the run's own; what is foreign in it, and a link in its place, are not touched.
+    #[test]
+    fn folders_within_are_kept_like_the_folder_itself() {
+        let path = fresh("within");
+        let twice = |files: &[&str]| -> Result<(), Diagnostic> {
+            let folder = Folder::open(&place(&path, false, false), "track")?;
+            let mut within = folder.within("rgb")?;
+            for name in files {
+                within.write(name, |_| std::io::Result::Ok(()))?;
+            }
+            let record = || Record::new("track", 1, serde_json::Value::Null);
+            within.finish(&record())?;
+            folder.finish(&record()).map(|_| ())
+        };
+        twice(&["1.png", "2.png"]).unwrap();
+        fs::write(path.join("rgb/notes.txt"), "mine").unwrap();
+        twice(&["1.png"]).unwrap();
+        assert_eq!(listing(&path.join("rgb")), ["1.png", "notes.txt", "run.json"]);
+        let folder = Folder::open(&place(&path, false, false), "track").unwrap();
+        for name in ["..", "", "a/b", "/tmp"] {
+            assert!(folder.within(name).is_err(), "{name}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(path.join("rgb"), path.join("link")).unwrap();
+            assert!(folder.within("link").is_err());
+        }
+        drop(folder);
         fs::remove_dir_all(&path).unwrap();
     }
 

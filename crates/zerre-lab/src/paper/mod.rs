@@ -4,6 +4,7 @@ pub mod bayes_family;
 pub mod extended_target;
 pub mod multi_ball;
 pub mod multiple_model;
+pub mod rgbd;
 pub mod swarm;
 pub mod video;
 
@@ -29,6 +30,7 @@ pub const PAPERS: &[Paper] = &[
     extended_target::PAPER,
     swarm::PAPER,
     video::PAPER,
+    rgbd::PAPER,
     multi_ball::PAPER,
 ];
 

@@ -111,7 +111,12 @@ impl Pictures {
 /// # Errors
 /// A file that cannot be read, is no picture or ends early.
 pub fn frame(path: &Path) -> Result<Frame> {
-    let picture = decode(path)?.into_rgb8();
+    frame_of(&bytes(path)?, path)
+}
+
+/// The picture in these bytes, which are those of the file `path`.
+pub(crate) fn frame_of(bytes: &[u8], path: &Path) -> Result<Frame> {
+    let picture = decode(bytes, path)?.into_rgb8();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     Image::new(width, height, picture.into_raw().as_chunks::<3>().0.to_vec())
 }
@@ -121,11 +126,24 @@ pub fn frame(path: &Path) -> Result<Frame> {
 /// # Errors
 /// A picture that is too large for the format.
 pub fn png(frame: &Frame) -> Result<Vec<u8>> {
+    encode(frame.pixels().as_flattened(), frame.size(), ExtendedColorType::Rgb8)
+}
+
+/// A depth picture as the bytes of a PNG file of one channel of 16 bits.
+///
+/// # Errors
+/// A picture that is too large for the format.
+pub fn depth_png(depth: &Image<u16>) -> Result<Vec<u8>> {
+    // The encoder takes 16 bits in the machine's own order.
+    let bytes: Vec<u8> = depth.pixels().iter().flat_map(|units| units.to_ne_bytes()).collect();
+    encode(&bytes, depth.size(), ExtendedColorType::L16)
+}
+
+fn encode(pixels: &[u8], (width, height): (usize, usize), kind: ExtendedColorType) -> Result<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-    let (width, height) = (side(frame.width()), side(frame.height()));
     PngEncoder::new(&mut bytes)
-        .write_image(frame.pixels().as_flattened(), width, height, ExtendedColorType::Rgb8)
+        .write_image(pixels, side(width), side(height), kind)
         .map_err(|error| Error::Picture { path: PathBuf::from("PNG"), problem: error.to_string() })?;
     Ok(bytes.into_inner())
 }
@@ -136,7 +154,12 @@ pub fn png(frame: &Frame) -> Result<Vec<u8>> {
 /// # Errors
 /// A file that cannot be read, ends early, or has another kind of pixels.
 pub fn depth(path: &Path) -> Result<Image<u16>> {
-    match decode(path)? {
+    depth_of(&bytes(path)?, path)
+}
+
+/// The depth picture in these bytes, which are those of the file `path`.
+pub(crate) fn depth_of(bytes: &[u8], path: &Path) -> Result<Image<u16>> {
+    match decode(bytes, path)? {
         DynamicImage::ImageLuma16(picture) => {
             Image::new(picture.width() as usize, picture.height() as usize, picture.into_raw())
         }
@@ -152,10 +175,32 @@ pub fn depth(path: &Path) -> Result<Image<u16>> {
     }
 }
 
-fn decode(path: &Path) -> Result<DynamicImage> {
+/// Columns and rows of the picture in a file, from its header.
+///
+/// # Errors
+/// A file that cannot be read or is no picture.
+pub(crate) fn size(path: &Path) -> Result<(usize, usize)> {
     let refuse = |problem: String| Error::Picture { path: path.to_owned(), problem };
-    let bytes = fs::read(path).map_err(|error| refuse(format!("it cannot be read: {error}")))?;
-    if is_cut_jpeg(&bytes) {
+    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
+    let reader = reader.map_err(|error| refuse(format!("it cannot be read: {error}")))?;
+    let (width, height) = reader.into_dimensions().map_err(|error| refuse(error.to_string()))?;
+    Ok((width as usize, height as usize))
+}
+
+/// The last number in a file's name.
+pub(crate) fn number(path: &Path) -> Option<u64> {
+    split(path).map(|(_, number, _)| number)
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>> {
+    let refuse =
+        |error| Error::Picture { path: path.to_owned(), problem: format!("it cannot be read: {error}") };
+    fs::read(path).map_err(refuse)
+}
+
+fn decode(bytes: &[u8], path: &Path) -> Result<DynamicImage> {
+    let refuse = |problem: String| Error::Picture { path: path.to_owned(), problem };
+    if is_cut_jpeg(bytes) {
         return Err(refuse("the picture ends early: copy the file again".to_owned()));
     }
     let reader = ImageReader::new(Cursor::new(bytes));

@@ -54,6 +54,14 @@ pub fn and(a: &Image<u8>, b: &Image<u8>) -> Result<Image<u8>> {
     pair(a, b, |a, b| a & b)
 }
 
+/// Bitwise exclusive or: what one of two masks has, and the other has not.
+///
+/// # Errors
+/// Pictures of different sizes.
+pub fn xor(a: &Image<u8>, b: &Image<u8>) -> Result<Image<u8>> {
+    pair(a, b, |a, b| a ^ b)
+}
+
 /// Bitwise or: what at least one of two masks has.
 ///
 /// # Errors

@@ -22,7 +22,7 @@ mod patch;
 mod ssim;
 mod threshold;
 
-pub use arithmetic::{absolute_difference, add, and, not, or, subtract, weighted_sum};
+pub use arithmetic::{absolute_difference, add, and, not, or, subtract, weighted_sum, xor};
 pub use color::{channel, grey, hsv, lab, merge};
 pub use components::{Component, Components, Neighbours, components};
 pub use corner::{Corners, corners};
