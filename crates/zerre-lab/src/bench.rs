@@ -14,12 +14,15 @@
 //! | W5 | W1 by the multiple-model filter, 5 000 particles under each of four modes: straight, accelerating, two turns |
 //! | window-vb | a target of three ellipses, nine points a scan, window of 10 scans and 5 turns; times are per scan |
 //! | rb-online-em | the same by 1 000 particles that sum over the ellipses of points; times are per particle and scan |
+//! | balls-detector | what differs from plain ground in frames of 640 x 480 pixels; times are per frame |
+//! | balls | three balls, 1 000 particles each: prediction, pairing, filters; times are per frame |
 //! | deadline | W1's models on a target that circles, as many particles as fit into 1 ms; only when named |
 //!
 //! Times are processor time of the calling thread (W4: of the process), medians over repetitions; the first repetition
 //! is not counted. `rmse` is the position error against the truth, `reference_distance` the RMS distance of the
 //! filter's mean to that of 32 million particles: it must fall as 1 / sqrt(N).
 
+mod balls;
 mod deadline;
 mod extended;
 mod ffbsi;
@@ -200,6 +203,8 @@ fn jobs(options: &Options) -> Vec<(&'static str, Job<'_>)> {
     }
     jobs.push(("window-vb", Box::new(|name| extended::window(name, options))));
     jobs.push(("rb-online-em", Box::new(|name| extended::online(name, options))));
+    jobs.push(("balls-detector", Box::new(|name| balls::detector(name, options))));
+    jobs.push(("balls", Box::new(|name| balls::filters(name, options))));
     jobs.push((DEADLINE, Box::new(|name| deadline::run(name, options.deadline_steps, options))));
     jobs
 }

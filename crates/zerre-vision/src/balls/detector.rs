@@ -1,8 +1,10 @@
 //! What differs from the ground: difference, threshold, connected parts, their areas and centroids.
 
+use super::disc::circle;
 use super::ground::{Ground, GroundFrom};
 use crate::operator::{Neighbours, fill_holes, otsu};
 use crate::{Error, Frame, Image, Result};
+use std::ops::Range;
 
 /// How balls are told from the ground.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +34,14 @@ const LEAST_PIXELS: usize = 12;
 const LEAST_SHARE: f64 = 0.125;
 /// Most pixels of a part, as a share of the ground.
 const MOST_SHARE: f64 = 0.25;
+
+/// A rim that deviates from a circle by more than this share of its radius is not that of one ball.
+pub(super) const ROUND: f64 = 0.2;
+/// Levels between those at which shadows are looked for, and how many there are.
+const STEP: u8 = 16;
+const HIGHER: u8 = 5;
+/// Channels whose shares of the ground's light differ by less than this are those of a shadow.
+const GREY: f64 = 0.12;
 
 /// Finds what is not ground in frames of one size.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +103,7 @@ impl Runs {
     }
 
     /// Adds a run; `above` goes through the runs of the row before.
-    fn push(&mut self, (y, start, end): (usize, usize, usize), above: &mut std::ops::Range<usize>) {
+    fn push(&mut self, (y, start, end): (usize, usize, usize), above: &mut Range<usize>) {
         let at = self.0.len();
         self.0.push(Run { y, start, end, parent: at });
         // Neighbours by an edge or a corner.
@@ -188,7 +198,75 @@ impl Detector {
     /// A frame of another size than the ground.
     pub fn see(&self, frame: &Frame) -> Result<Seen> {
         self.ground.picture().expect_size(frame)?;
-        let mut runs = self.runs(frame);
+        let mut seen = self.parts(frame, self.level, |y| self.ground.columns(y));
+        let blobs = std::mem::take(&mut seen.blobs);
+        for blob in blobs {
+            match self.without_shadow(frame, &blob) {
+                Some(parts) => seen.blobs.extend(parts),
+                None => seen.blobs.push(blob),
+            }
+        }
+        Ok(seen)
+    }
+
+    /// A part that is not round may be balls with dark shadows between them: its parts at the higher level that shows
+    /// the most of round ones, where these are most of what is left and what is gone is as grey as a shadow. Discs of
+    /// one colour that touch have none at any level, and discs of several colours leave more than shadow behind.
+    fn without_shadow(&self, frame: &Frame, blob: &Blob) -> Option<Vec<Blob>> {
+        let is_round = |blob: &Blob| circle(&blob.outline()).is_some_and(|(_, residual)| residual < ROUND);
+        if is_round(blob) {
+            return None;
+        }
+        let [left, top] = blob.corner;
+        let (width, height) = (blob.mask.width() - 2, blob.mask.height() - 2);
+        let columns = |y: usize| {
+            if !(top..top + height).contains(&y) {
+                return 0..0;
+            }
+            let all = self.ground.columns(y);
+            let (start, end) = (all.start.max(left), all.end.min(left + width));
+            start..end.max(start)
+        };
+        let mut best: Option<(usize, Vec<Blob>)> = None;
+        for step in 1..=HIGHER {
+            let Some(level) = self.level.checked_add(step * STEP) else { break };
+            let mut parts = self.parts(frame, level, columns).blobs;
+            parts.retain(|part| blob.covers(part.centroid));
+            let all: usize = parts.iter().map(|part| part.area).sum();
+            let round: usize = parts.iter().filter(|part| is_round(part)).map(|part| part.area).sum();
+            if 2 * round >= all.max(1)
+                && best.as_ref().is_none_or(|(most, _)| round > *most)
+                && self.is_shadow(frame, blob, &parts)
+            {
+                best = Some((round, parts));
+            }
+        }
+        best.map(|(_, parts)| parts)
+    }
+
+    /// Whether what is in `blob` and in none of `parts` is ground that all channels show darker alike.
+    fn is_shadow(&self, frame: &Frame, blob: &Blob, parts: &[Blob]) -> bool {
+        let ([left, top], mut seen, mut empty) = (blob.corner, [0.0; 3], [0.0; 3]);
+        for y in top..top + blob.mask.height() - 2 {
+            for x in left..left + blob.mask.width() - 2 {
+                let at = [x as f64 + 0.5, y as f64 + 0.5];
+                if blob.mask.row(y - top + 1)[x - left + 1] != 0 && !parts.iter().any(|part| part.covers(at))
+                {
+                    for c in 0..3 {
+                        seen[c] += f64::from(frame.row(y)[x][c]);
+                        empty[c] += f64::from(self.ground.picture().row(y)[x][c]);
+                    }
+                }
+            }
+        }
+        let shares = [0, 1, 2].map(|c| if empty[c] > 0.0 { seen[c] / empty[c] } else { 1.0 });
+        let (least, most) = shares.iter().fold((1.0, 0.0), |(l, m): (f64, f64), s| (l.min(*s), m.max(*s)));
+        most < 1.0 && most - least < GREY
+    }
+
+    /// The parts that differ by more than `level`, in some columns of each row.
+    fn parts(&self, frame: &Frame, level: u8, columns: impl Fn(usize) -> Range<usize>) -> Seen {
+        let mut runs = self.runs(frame, level, columns);
         // Runs of each tree, by its root: the first of its runs.
         let mut members: Vec<(usize, usize)> = (0..runs.0.len()).map(|at| (runs.root(at), at)).collect();
         members.sort_unstable();
@@ -205,17 +283,17 @@ impl Detector {
             }
             seen.blobs.push(self.blob(frame, of));
         }
-        Ok(seen)
+        seen
     }
 
     /// Set pixels, eight at a look: most of a picture is ground.
-    fn runs(&self, frame: &Frame) -> Runs {
+    fn runs(&self, frame: &Frame, level: u8, columns: impl Fn(usize) -> Range<usize>) -> Runs {
         const TOGETHER: usize = 8;
         let (mut runs, mut flags) = (Runs::default(), vec![0_u8; 3 * frame.width()]);
         let mut above = 0..0;
         for y in 0..frame.height() {
-            let columns = self.ground.columns(y);
-            let (first, level) = (columns.start, self.level);
+            let columns = columns(y);
+            let first = columns.start;
             let flags = &mut flags[..3 * columns.len()];
             let ground = self.ground.picture().row(y)[columns.clone()].as_flattened();
             let row = frame.row(y)[columns].as_flattened();
@@ -272,9 +350,8 @@ impl Detector {
                 colour = [0, 1, 2].map(|c| colour[c] + f64::from(pixel[c]));
             }
         }
-        let at_side = |at: fn(&Run, std::ops::Range<usize>) -> bool| {
-            runs().any(|run| at(run, self.ground.columns(run.y)))
-        };
+        let at_side =
+            |at: fn(&Run, Range<usize>) -> bool| runs().any(|run| at(run, self.ground.columns(run.y)));
         let beyond = |y: Option<usize>| y.is_none_or(|y| self.ground.columns(y).is_empty());
         let borders = [
             at_side(|run, columns| run.start == columns.start),

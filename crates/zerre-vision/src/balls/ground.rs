@@ -273,7 +273,7 @@ mod tests {
     fn plain_ground_is_found_under_balls_and_beside_bars() {
         let frame = Image::from_fn(160, 120, |x, y| {
             let ball = |cx: f64, cy: f64| (x as f64 - cx).powi(2) + (y as f64 - cy).powi(2) < 100.0;
-            if y < 8 || y >= 112 {
+            if !(8..112).contains(&y) {
                 [0; 3]
             } else if ball(50.0, 50.0) || ball(80.0, 60.0) || ball(0.0, 70.0) {
                 [20, 10, 30]

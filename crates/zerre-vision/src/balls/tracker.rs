@@ -5,7 +5,7 @@
 //! least cost of distance from the prediction, area and colour; what is left over is a new ball.
 
 use super::belief::{BallBelief, BallModel, BallMotion, Known, Spot};
-use super::detector::{Blob, Detector, Seen};
+use super::detector::{Blob, Detector, ROUND, Seen};
 use super::disc::{Disc, Fitted, circle, fit, inscribed};
 use crate::{Error, Frame, Result};
 use zerre::Time;
@@ -131,9 +131,7 @@ const SLACK: f64 = 0.35;
 /// Standard deviations of the logarithm of an area, and of a channel's mean, between frames.
 const AREA_SD: f64 = 0.2;
 const COLOUR_SD: f64 = 25.0;
-/// A rim that deviates by more than this share of the radius from a circle is not that of one ball ...
-const ROUND: f64 = 0.2;
-/// ... and neither is a part larger than this many times what it should be.
+/// A part larger than this many times what it should be is not one ball.
 const LARGER: f64 = 1.35;
 /// Least share of the rim that a place is believed of.
 const LEAST_ARC: f64 = 0.12;

@@ -1,8 +1,8 @@
 //! The page.
 
 use super::settings::{
-    BALLS, BURN_IN, FRAMES, LEAST_COMPARED, MEASUREMENT_SD, MEETINGS, PICTURED_FRAMES, SCENE, TOLERANCE,
-    VELOCITY_SD, WALK_SD,
+    BALLS, BURN_IN, FRAMES, LEAST_COMPARED, MEASUREMENT_SD, MEETINGS, PICTURED_FRAMES, SCENE, SPEED,
+    TOLERANCE, VELOCITY_SD, WALK_SD,
 };
 use super::tables::{Results, Row, title};
 use super::{METHODS, MOTIONS, Part, RESAMPLERS};
@@ -20,7 +20,12 @@ impl Results<'_> {
         let facts = [
             ("Runs per cell", experiment.request.runs.to_string()),
             ("Seed", experiment.seed.to_string()),
-            ("Clip", format!("{SCENE}, another one for each run")),
+            (
+                "Clip",
+                format!(
+                    "{SCENE} at {SPEED} px per frame, chosen for the green column; another one for each run"
+                ),
+            ),
         ];
         let mut sections = vec![how_to_read(interrupted)];
         if experiment.asks(Part::Table) {

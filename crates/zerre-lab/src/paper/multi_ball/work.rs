@@ -1,8 +1,8 @@
 //! Single runs.
 
 use super::settings::{
-    BALLS, BURN_IN, FRAMES, MEASUREMENT_SD, MEETING_PARTICLES, MEETINGS, SCENE, START_SD, VELOCITY_SD,
-    WALK_SD,
+    ACCELERATION, BALLS, BURN_IN, FRAMES, MEASUREMENT_SD, MEETING_PARTICLES, MEETINGS, SCENE, SPEED,
+    START_SD, VELOCITY_SD, WALK_SD,
 };
 use super::{MultiBall, Outcome, Part, RESAMPLERS};
 use crate::balls::{TruthTable, score};
@@ -19,7 +19,9 @@ use zerre::rng::Stream;
 use zerre::{Error, Time};
 use zerre_vision::Frame;
 use zerre_vision::balls::thesis::{ByArea, READINGS, Reading, ThesisFilter, by_area};
-use zerre_vision::balls::{BallRow, Detector, DetectorSettings, SCENES, Scene, Tracker, TrackerSettings};
+use zerre_vision::balls::{
+    BallRow, Detector, DetectorSettings, SCENES, Scene, SceneSettings, Tracker, TrackerSettings,
+};
 
 /// Frames between those that the detector learns from.
 const SAMPLED: usize = 15;
@@ -48,10 +50,10 @@ fn refused(error: zerre_vision::Error) -> Error {
     }
 }
 
-pub(super) fn scene(name: &str, seed: u64) -> zerre::Result<Scene> {
+fn named(name: &str) -> zerre::Result<SceneSettings> {
     let named = SCENES.iter().find(|named| named.name == name);
     let named = named.ok_or_else(|| Error::Unsupported(format!("there is no scene `{name}`")))?;
-    Ok(Scene::new((named.settings)(), seed))
+    Ok((named.settings)())
 }
 
 pub(super) fn detector(scene: &Scene) -> zerre::Result<Detector> {
@@ -94,7 +96,8 @@ pub(super) fn follow(
 impl MultiBall {
     /// The clip of a run; `None` if `stop` says so meanwhile.
     pub(super) fn clip(&self, run: usize, stop: &dyn Fn() -> bool) -> zerre::Result<Option<Clip>> {
-        let scene = scene(SCENE, self.clip_seed(Part::Table, run))?;
+        let calm = SceneSettings { speed: SPEED, acceleration: ACCELERATION, ..named(SCENE)? };
+        let scene = Scene::new(calm, self.clip_seed(Part::Table, run));
         let detector = detector(&scene)?;
         let (mut detected, mut seconds) = (Vec::new(), 0.0);
         for k in 0..scene.len() {
@@ -237,7 +240,7 @@ impl MultiBall {
         let mut outcome = Outcome::default();
         for (at, name) in MEETINGS.iter().enumerate() {
             let luck = self.luck(Part::Identity, run).fork(at as u64);
-            let scene = scene(name, self.clip_seed(Part::Identity, run).wrapping_add(at as u64))?;
+            let scene = Scene::new(named(name)?, self.clip_seed(Part::Identity, run).wrapping_add(at as u64));
             let detector = detector(&scene)?;
             let count = scene.settings().radii.len();
 
