@@ -10,6 +10,7 @@ use crate::config::Source as ConfigSource;
 use crate::console::Console;
 use crate::diagnostic::Diagnostic;
 use crate::run::{Destination, EstimatesDigest, Folder, Progress, Record, State, interrupted, listen};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -40,7 +41,7 @@ const POINT: &str = "point";
 const FOCAL: f64 = 0.82;
 
 /// What a configuration file may set.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct FuseConfig {
     /// The sound filter.
@@ -270,7 +271,7 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
     let (mut failed, mut notes, mut count, mut left_out) = (None, opened.rejected.clone(), 0_u64, 0_u64);
     let mut errors = Vec::new();
     let mut progress = Progress::new(console, "frames", expected.map(|count| count as u64)).with_rate();
-    while let Some(frame) = recording.next() {
+    for frame in recording.by_ref() {
         if interrupted() {
             record.state = State::Interrupted;
             break;
