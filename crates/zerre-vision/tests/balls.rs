@@ -198,11 +198,12 @@ fn rolling() -> Option<Vec<Frame>> {
     Some(frames.map(|shot| shot.frame.unwrap()).collect())
 }
 
-/// Balls of which about half or more is seen were counted by eye, frame by frame, on contact sheets with the tracks
-/// drawn on them: those of frames 3 to 38, 47 to 63 and 81 to 143, every third frame of 64 to 80, and 195 to 203; in the
-/// rest at most one ball is in view. From frame 18 on the tracks are these balls, each with one identity. Before,
-/// where up to six balls rush in among dark shadows, there is also a track on a shadow, and a ball that only grazes the
-/// corner has none.
+/// Balls of which about half or more is seen were counted by eye on contact sheets with tracks drawn on them (frames 3 to
+/// 38, 47 to 63, 81 to 110, every third of 64 to 80, 111 to 143 without 135 and 136, and 195 to 203); in the rest at most
+/// one ball is in view. The sheets showed the tracks of a detector that still had no rule for shadows: where it changed
+/// them, the places were compared with the raw frames. From frame 18 on the tracks are these balls, each with one identity.
+/// Before, where up to six balls rush in among dark shadows, there is also a track on a shadow, and a ball that only
+/// grazes the corner has none.
 #[test]
 fn rolling_balls_are_held_while_they_are_seen() {
     let Some(frames) = rolling() else { return };

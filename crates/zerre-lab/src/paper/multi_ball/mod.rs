@@ -92,7 +92,7 @@ pub struct Cell {
     pub run: usize,
 }
 
-/// What became of a run: numbers in the order of [`work`]'s loops.
+/// What became of a run: numbers in the order of the loops of `work`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// The numbers.
