@@ -49,7 +49,7 @@ fn wrong_usage_ends_with_two_and_a_way_out() {
         ("catalog --seed x", "--seed"),
         ("catalog formts", "did you mean `formats`?"),
         ("schema trak", "did you mean `track`?"),
-        ("init fuse", "there is no kind of configuration `fuse`"),
+        ("init otb", "there is no kind of configuration `otb`"),
         ("catalog --resume", "--resume"),
         ("track a.csv --seed -1", "'-1' for '--seed <N>': a whole number from 0 to 18446744073709551615"),
         ("bench W9", "there is no workload `W9`"),

@@ -47,6 +47,7 @@ fn papers_are_listed_and_unknown_ones_refused() {
     assert_eq!(list["papers"][3]["name"], "swarm");
     assert_eq!(list["papers"][4]["name"], "video");
     assert_eq!(list["papers"][5]["name"], "multi-ball");
+    assert_eq!(list["papers"][6]["name"], "rgbd");
     assert!(list["papers"][3]["on_request"].as_array().unwrap().contains(&"variants".into()));
     assert!(
         String::from_utf8(zerre(&here, "reproduce").stdout).unwrap().contains("only on request: variants")

@@ -78,7 +78,7 @@ impl Drawn for BallScene<'_> {
         let right = f64::from(size[0]);
         drawn.area([[0.0, 0.0], [right, 0.0], [right, 16.0], [0.0, 16.0]], SHADE);
         let found = self.balls.iter().filter(|ball| ball.detected).count();
-        let text = format!("{}  balls: {found} seen, {} followed", self.index, self.balls.len());
+        let text = format!("{}  balls: {found} seen  {} followed", self.index, self.balls.len());
         drawn.text([4.0, 12.0], 8.0, &text, INK);
         Ok(drawn)
     }

@@ -30,8 +30,8 @@ pub const PAPERS: &[Paper] = &[
     extended_target::PAPER,
     swarm::PAPER,
     video::PAPER,
-    rgbd::PAPER,
     multi_ball::PAPER,
+    rgbd::PAPER,
 ];
 
 /// With a capital letter.

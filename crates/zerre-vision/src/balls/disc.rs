@@ -87,6 +87,9 @@ pub fn fit(outline: &[[f64; 2]], starts: &[Disc]) -> Vec<Fitted> {
     discs.iter().zip(squares).map(fitted).collect()
 }
 
+/// Points whose scatter across is less than about this share, squared, of that along are on a line.
+const ON_A_LINE: f64 = 1e-9;
+
 /// The circle through points by least squares of its equation (Kåsa, IEEE Transactions on Instrumentation and
 /// Measurement 25, 1976), with the root mean square distance of the points from it as a share of its radius; nothing
 /// for points on a line.
@@ -101,6 +104,11 @@ pub fn circle(points: &[[f64; 2]]) -> Option<(Disc, f64)> {
             right[i] += row[i] * (x * x + y * y);
             (0..3).for_each(|j| normal[i][j] += row[i] * row[j]);
         }
+    }
+    // Points on a line have none, and rounding must not make one of them.
+    let [[xx, xy, _], [_, yy, _], _] = normal;
+    if !(xx * yy - xy * xy > ON_A_LINE * (xx + yy).powi(2)) {
+        return None;
     }
     let [a, b, c] = Cholesky::of("normal equations of a circle", &Matrix(normal)).ok()?.solve(&right);
     let square = c + 0.25 * (a * a + b * b);

@@ -277,7 +277,7 @@ mod tests {
         let refused =
             |cost: &[f64], supply: &[f64], demand: &[f64]| transport(cost, supply, demand).unwrap_err();
         assert!(matches!(refused(&[1.0], &[1.0], &[0.5, 0.5]), Error::Shape { found: 1, expected: 2, .. }));
-        assert!(matches!(refused(&[1.0], &[1.0], &[f64::INFINITY]), Error::NotFinite { what: "cost", .. }));
+        assert!(matches!(refused(&[1.0], &[1.0], &[f64::INFINITY]), Error::NotFinite { what: "demand", .. }));
         assert!(matches!(refused(&[1.0; 2], &[1.0], &[2.0, -1.0]), Error::OutOfRange { what: "demand", .. }));
         assert!(matches!(refused(&[1.0], &[1.0], &[0.9]), Error::OutOfRange { what: "total demand", .. }));
     }

@@ -45,7 +45,8 @@ fn particles_come_near_the_kalman_floor() {
     assert!(walk(250).value <= 1.06 && walk(1000).value <= 1.02, "{:?}", [walk(250), walk(1000)]);
 }
 
-/// Another seed moves every number, the same one none; distances fall with the number of particles.
+/// Another seed moves every number, the same one none; distances from the detection fall with the number of particles (those
+/// from the truth have the noise of the detection in them, which no number takes away).
 #[test]
 fn the_table_is_computed() {
     let [one, again, other] = [3, 3, 4].map(|seed| rows(&experiment(&["3.1"], 2, &[50, 1000], seed)));
@@ -55,12 +56,11 @@ fn the_table_is_computed() {
         assert_ne!(a.value, b.value, "{a:?}");
         assert_eq!(a.paper_value.is_some(), a.reference == "detection");
     }
-    for few in one.iter().filter(|row| row.particles == 50) {
+    for few in one.iter().filter(|row| row.particles == 50 && row.reference == "detection") {
         let many = one.iter().find(|row| {
             (row.particles, row.ball, row.reading, row.reference)
                 == (1000, few.ball, few.reading, few.reference)
         });
-        println!("{few:?} {}", many.unwrap().value);
         assert!(many.unwrap().value < few.value, "{few:?}");
     }
 }
