@@ -107,7 +107,9 @@ pub fn circle(points: &[[f64; 2]]) -> Option<(Disc, f64)> {
     }
     // Points on a line have none, and rounding must not make one of them.
     let [[xx, xy, _], [_, yy, _], _] = normal;
-    if !(xx * yy - xy * xy > ON_A_LINE * (xx + yy).powi(2)) {
+    let across = (xx * yy - xy * xy) / (xx + yy).powi(2);
+    // Points in one place, or none, have no scatter at all: this is no number then.
+    if across.is_nan() || across <= ON_A_LINE {
         return None;
     }
     let [a, b, c] = Cholesky::of("normal equations of a circle", &Matrix(normal)).ok()?.solve(&right);
