@@ -203,8 +203,8 @@ impl PointTracker {
             lost: false,
             steps: 0,
         };
-        // Somebody has shown the point, where there is no source that may be wrong.
-        if tracker.settings.colour.is_some() && tracker.settings.sources.is_empty() {
+        // With two sources beside the colours, these wait until they agree.
+        if tracker.settings.colour.is_some() && tracker.others() < 2 {
             let light = Light::of(&frame.colour, &tracker.room);
             tracker.learn(frame, &light, first.at, first.depth_mm);
         }
@@ -249,12 +249,16 @@ impl PointTracker {
         self.colour.colours.learn(&view, at, radius, depth);
     }
 
-    /// Whether colours may be learnt where the point is: at first only where two sources agree, if there are two beside the
-    /// colours, as one may be wrong for long.
+    /// How many sources there are beside the colours.
+    fn others(&self) -> usize {
+        self.settings.sources.len() + usize::from(self.settings.depth.is_some())
+    }
+
+    /// Whether colours may be learnt where the point is: at first only where two sources agree, as one may be wrong for
+    /// long, if there are two.
     fn agrees(&self, fused: &Fused) -> bool {
-        let others = self.settings.sources.len() + usize::from(self.settings.depth.is_some());
         let trusted = fused.trust.iter().flatten().filter(|trust| **trust > AGREES).count();
-        !self.colour.colours.is_empty() || trusted >= others.min(2)
+        !self.colour.colours.is_empty() || trusted >= self.others().min(2)
     }
 
     /// A frame, with what the sources beside the cues say: the number of the source, from 0, and its readings. One that
@@ -330,13 +334,13 @@ impl PointTracker {
             })
             .collect();
         let mut fused = self.fusion.step(frame.time, &evidence)?;
+        let spread = ((fused.covariance[0][0] + fused.covariance[1][1]) / 2.0).sqrt();
         for k in 0..2 {
             fused.covariance[k][k] += self.settings.reference_sd.square();
         }
         done(Stage::Fusion);
         self.lost = fused.is_lost();
         self.steps += 1;
-        let spread = ((fused.covariance[0][0] + fused.covariance[1][1]) / 2.0).sqrt();
         let deep = uses_depth.then_some(fused.depth[0]);
         let radius = self.radius(deep);
         self.rest.learn(
