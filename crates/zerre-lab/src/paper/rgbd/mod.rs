@@ -6,13 +6,19 @@
 //! [`Experiment`].
 
 pub mod evaluation;
+mod pictures;
+mod recorded;
 mod report;
 mod run;
 pub mod settings;
 mod tables;
+mod timing;
+pub mod welch;
 
+pub use recorded::Recordings;
 pub use run::{ClipOutcome, SweepOutcome};
 pub use tables::{Results, Row};
+pub use timing::Timed;
 
 use super::Paper;
 use crate::study::experiment::{Experiment, Finished, Mishap, SettingsFile};
@@ -30,12 +36,15 @@ const ERRORS: &str = "errors";
 /// The table of the thesis's chapter 5.
 const SWEEPS: &str = "thesis";
 
+/// The table of recordings of a real camera.
+const RECORDED: &str = "recorded";
+
 /// What lists say.
 pub const PAPER: Paper = Paper {
     name: "rgbd",
     about: "a hand followed in colour and depth by the fusion of three sources, the thesis's way and a sound one",
     source: "a thesis on particle filters that fuse sensors to follow human motion: chapters 4 and 5",
-    tables: &[ERRORS, SWEEPS],
+    tables: &[ERRORS, SWEEPS, RECORDED],
     on_request: &[],
 };
 
@@ -100,15 +109,16 @@ pub enum Outcome {
 #[derive(Debug)]
 pub struct RgbdFusion {
     request: Request,
+    recordings: Recordings,
     seed: u64,
     /// Settings learnt without a source; each is learnt once, by whoever needs it first.
     learnt: Mutex<BTreeMap<Option<&'static str>, TrackerSettings>>,
 }
 
 impl RgbdFusion {
-    /// What `request` asks for.
-    pub fn new(request: Request, seed: u64) -> RgbdFusion {
-        RgbdFusion { request, seed, learnt: Mutex::default() }
+    /// What `request` asks for; real recordings are those that are there.
+    pub fn new(request: Request, recordings: Recordings, seed: u64) -> RgbdFusion {
+        RgbdFusion { request, recordings, seed, learnt: Mutex::default() }
     }
 
     /// The sound filter's settings without a source, learnt from the calibration clips.
@@ -135,8 +145,8 @@ fn refused(error: zerre_vision::Error) -> zerre::Error {
     }
 }
 
-/// Processor time per frame by stage, milliseconds: of the chosen and of the largest number of particles.
-pub type Timing = BTreeMap<(usize, &'static str), Vec<f64>>;
+/// Processor time per frame by stage: of the chosen and of the largest number of particles, and of what both share.
+pub type Timing = Vec<Timed>;
 
 impl Experiment for RgbdFusion {
     type Cell = Cell;
@@ -198,12 +208,13 @@ impl Experiment for RgbdFusion {
     }
 
     fn rounds(&self) -> u64 {
-        2
+        3
     }
 
     fn time(&self, stop: &dyn Fn() -> bool, done: &mut dyn FnMut()) -> zerre::Result<Option<Timing>> {
-        let mut timing = Timing::new();
         let scene = run::clip(&CONDITIONS[0], self.seed, 0).map_err(refused)?;
+        let mut timing = timing::steps(&scene, &ThesisSettings::default(), TIMED_FRAMES).map_err(refused)?;
+        done();
         for particles in [CHOSEN, SWEEP[SWEEP.len() - 1]] {
             if stop() {
                 return Ok(None);
@@ -211,8 +222,7 @@ impl Experiment for RgbdFusion {
             let mut settings = self.learnt(None)?;
             settings.fusion.particles = particles;
             let thesis = ThesisSettings { particles, ..ThesisSettings::default() };
-            let times = run::timed(&scene, &settings, &thesis, TIMED_FRAMES).map_err(refused)?;
-            timing.extend(times.into_iter().map(|(stage, times)| ((particles, stage), times)));
+            timing.extend(timing::filters(&scene, &settings, &thesis, TIMED_FRAMES).map_err(refused)?);
             done();
         }
         Ok(Some(timing))
@@ -225,8 +235,35 @@ impl Experiment for RgbdFusion {
     ) -> Result<Finished<Row>, Box<dyn std::error::Error>> {
         let interrupted = outcomes.len() < self.cells().len() || timing.is_none();
         let results = Results::new(self, outcomes, timing);
-        let rows = results.rows();
+        let asked = &self.request.tables;
+        let (thesis, stream) = (ThesisSettings::default(), self.stream(0));
+        let (mut rows, mut tables) = (results.rows(), results.tables());
+        let mut sections = Vec::new();
+        let mut painted = Vec::new();
+        if asked.contains(SWEEPS) && !interrupted {
+            let scene = run::clip(&CONDITIONS[0], self.seed, 0).map_err(refused)?;
+            let first = pictures::chosen(&scene).first().copied();
+            if let Some(first) = first {
+                painted.extend(pictures::steps(&scene, &thesis, first)?);
+            }
+            painted.extend(pictures::overlays(&scene, &self.learnt(None)?, &thesis, stream)?);
+            sections.push(report::pictures(&painted));
+        }
+        let mut recorded = Vec::new();
+        if asked.contains(RECORDED) && !interrupted {
+            // Without recordings nothing needs to be learnt.
+            if !self.recordings.names().is_empty() {
+                let settings = self.learnt(Some("device"))?;
+                recorded =
+                    recorded::judge(&self.recordings, (&settings, &thesis), stream).map_err(refused)?;
+            }
+            rows.extend(recorded.iter().flat_map(recorded::Judged::rows));
+            tables.push(recorded::table(&recorded));
+            sections.push(recorded::section(&recorded));
+            painted.extend(recorded.iter().filter_map(|judged| judged.film.clone()));
+        }
         let estimates = rows.iter().filter(|row| row.metric != "ms_per_frame").flat_map(Row::numbers);
+        let places = recorded.iter().flat_map(recorded::Judged::estimates);
         let without = |name: &str| {
             let clips = outcomes.values().filter_map(|outcome| match outcome {
                 Outcome::Clip(clip) => clip.errors.get(name),
@@ -235,10 +272,10 @@ impl Experiment for RgbdFusion {
             clips.flatten().filter(|error| error.is_none()).count()
         };
         Ok(Finished {
-            estimates: estimates.collect(),
-            tables: results.tables(),
-            files: Vec::new(),
-            page: results.page(interrupted),
+            estimates: estimates.chain(places).collect(),
+            tables,
+            files: painted.into_iter().map(|(picture, bytes)| (picture.file, bytes)).collect(),
+            page: results.page(interrupted, sections),
             mishaps: ["device", "color", "depth", "thesis-color", "thesis-depth"]
                 .map(|name| Mishap {
                     what: match name {
