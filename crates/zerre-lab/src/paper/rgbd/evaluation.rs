@@ -70,8 +70,8 @@ impl Blocks {
         Blocks { bootstrap: Bootstrap::new(all.len(), stream), all }
     }
 
-    /// A statistic of the values that `value` gives for a clip and a frame, with its interval over draws of whole blocks.
-    /// `None` where there is no value.
+    /// A statistic of the values that `value` gives for a clip and a frame, with its interval over draws of
+    /// whole blocks. `None` where there is no value.
     pub fn estimate<T>(
         &self,
         value: impl Fn(usize, usize) -> Option<T>,
@@ -90,8 +90,9 @@ impl Blocks {
     }
 }
 
-/// The thesis's curves of one clip: of every source the mean of the squared errors over the runs, divided frame by frame so
-/// that the largest is 1 and the smallest 0, and the mean of that up to each frame. `squares[source][frame]`.
+/// The thesis's curves of one clip: of every source the mean of the squared errors over the runs, divided
+/// frame by frame so that the largest is 1 and the smallest 0, and the mean of that up to each frame.
+/// `squares[source][frame]`.
 pub fn cumulative(squares: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let frames = squares.iter().map(Vec::len).min().unwrap_or(0);
     let mut curves = vec![Vec::with_capacity(frames); squares.len()];
@@ -120,8 +121,8 @@ pub fn best_counts(errors: &[&Errors]) -> Vec<usize> {
     counts
 }
 
-/// How far the mean of places is off by their scatter alone, root mean square in pixels: the standard error of a mean,
-/// over both axes. `None` of fewer than two places.
+/// How far the mean of places is off by their scatter alone, root mean square in pixels: the standard error
+/// of a mean, over both axes. `None` of fewer than two places.
 pub fn mean_error(places: &[[f64; 2]]) -> Option<f64> {
     let n = places.len() as f64;
     let mean = [0, 1].map(|k| places.iter().map(|place| place[k]).sum::<f64>() / n);
@@ -144,7 +145,8 @@ mod tests {
         assert!(Statistic::Rmse.of(&[]).is_nan());
     }
 
-    /// Blocks of equal errors: the interval is that of means of so many draws of blocks, wider than that of frames.
+    /// Blocks of equal errors: the interval is that of means of so many draws of blocks, wider than that of
+    /// frames.
     #[test]
     fn intervals_are_over_blocks() {
         let blocks = Blocks::new(&[200, 195], Stream::new(1));

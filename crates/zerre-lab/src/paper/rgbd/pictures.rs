@@ -62,7 +62,8 @@ const DEPTH: [(&str, &str); 13] = [
 /// A frame that is shown, from 0, and what is to be seen on it.
 type Chosen = (usize, &'static str);
 
-/// A frame in which the hand is free, one in which it is before the body, and the one in which the device is off most.
+/// A frame in which the hand is free, one in which it is before the body, and the one in which the device is
+/// off most.
 pub(super) fn chosen(scene: &Scene) -> Vec<Chosen> {
     let middle = |wanted: &dyn Fn(usize) -> bool| {
         let all: Vec<usize> = (1..scene.len()).filter(|k| wanted(*k)).collect();

@@ -1,6 +1,6 @@
-//! Recordings of a real depth camera. Nobody has marked them and there is no skeleton in them, so that nothing can be
-//! scored: what is told is whether both ways go through, what they find and how long they take, with pictures for people
-//! to judge by.
+//! Recordings of a real depth camera. Nobody has marked them and there is no skeleton in them, so that
+//! nothing can be scored: what is told is whether both ways go through, what they find and how long they
+//! take, with pictures for people to judge by.
 
 use super::pictures::{DRAWN, Painted, some};
 use super::settings::{CHOSEN, CUES, RECORDED, RECORDED_FRAMES, RECORDED_RATE_HZ, RecordedClip};
@@ -401,4 +401,56 @@ pub(super) fn section(all: &[Judged]) -> Section {
         rows: stages.iter().map(times).collect(),
     });
     section
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use zerre_vision::frames::folder::{depth_png, png};
+    use zerre_vision::rgbd::scene::{Scene, SceneSettings};
+
+    /// Seven frames of a drawn recording under the name of a real one, the fifth of which is no picture, the
+    /// sixth without depth.
+    #[test]
+    fn recordings_are_followed_and_what_fails_is_counted() {
+        let within = std::env::temp_dir().join(format!("zerre-paper-rgbd-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&within);
+        let path = within.join(RECORDED[0].name);
+        fs::create_dir_all(path.join("rgb")).unwrap();
+        fs::create_dir_all(path.join("depth")).unwrap();
+        let scene = Scene::new(SceneSettings::calibration(), 3).unwrap();
+        fs::write(within.join("camera.json"), serde_json::to_vec(&scene.camera()).unwrap()).unwrap();
+        for k in 0..7 {
+            let colours = png(&scene.frame(k).colour).unwrap();
+            let colours = if k == 4 { b"none".to_vec() } else { colours };
+            fs::write(path.join(format!("rgb/{:04}.png", k + 1)), colours).unwrap();
+            if k != 5 {
+                let depth = depth_png(&scene.raw_depth(k)).unwrap();
+                fs::write(path.join(format!("depth/{:04}.png", k + 1)), depth).unwrap();
+            }
+        }
+        let recordings = Recordings::within(within.clone());
+        assert_eq!(recordings.names(), [RECORDED[0].name]);
+        let mut settings = TrackerSettings::default();
+        settings.sources.clear();
+        let all = judge(&recordings, (&settings, &ThesisSettings::default()), Stream::new(1)).unwrap();
+        fs::remove_dir_all(&within).unwrap();
+        let [judged] = &all[..] else { panic!("{}", all.len()) };
+        // Of seven, one cannot be read; the first three are before the point is followed or begin it.
+        assert_eq!((judged.read, judged.without_depth, judged.followed, judged.failures), (6, 1, 3, 1));
+        assert_eq!(judged.estimates.len(), 6);
+        let count = |stage: &str| judged.times.iter().find(|t| t.stage == stage).map(|t| t.times.len());
+        assert_eq!((count("registration"), count("fused"), count("thesis")), (Some(5), Some(3), Some(3)));
+        let (picture, bytes) = judged.film.as_ref().unwrap();
+        assert!(picture.file == "recorded-um.png" && bytes.starts_with(b"\x89PNG"));
+        let table = table(&all).csv();
+        assert!(
+            table.contains("\num,followed,6,1,3,1,") && table.contains("\ncorridor,not available,,"),
+            "{table}"
+        );
+        let section = section(&all);
+        assert!(section.paragraphs[0].starts_with("Not available: filinha, corridor."));
+        assert_eq!(section.pictures.len(), 1);
+    }
 }

@@ -31,7 +31,10 @@ impl Results<'_> {
             ),
         ];
         let rows = self.rows();
-        let mut sections = vec![verdict(&rows), how_to_read(interrupted)];
+        let mut sections = Vec::new();
+        if experiment.is_drawn() {
+            sections.extend([verdict(&rows), how_to_read(interrupted)]);
+        }
         if experiment.request.tables.contains(ERRORS) {
             sections.push(Section { figures: self.in_time_figure(), ..errors(&rows) });
         }
@@ -39,7 +42,9 @@ impl Results<'_> {
             sections.push(self.sweep(&rows));
         }
         sections.extend(more);
-        sections.push(latency(&rows));
+        if experiment.is_drawn() {
+            sections.push(latency(&rows));
+        }
         StudyReport {
             title: "A hand in colour and depth: fusion of three sources".to_owned(),
             facts: facts.map(|(name, value)| (name.to_owned(), value)).to_vec(),

@@ -26,6 +26,7 @@ pub struct ClipOutcome {
     /// By run and frame: whether it was flagged as lost, and whether its 95 % ellipse holds the truth.
     pub flags: Vec<Vec<(bool, bool)>>,
     /// What the operators' mean is off by their scatter alone, as that tells, pixels: nothing below it can be measured.
+    #[serde(default)]
     pub floor: Errors,
 }
 

@@ -1,5 +1,5 @@
-//! What the reproduction of the fusion of colour and depth assumes beside the settings of its filters, which are
-//! `ThesisSettings`, and `TrackerSettings` with what is learnt from the calibration clips below.
+//! What the reproduction of the fusion of colour and depth assumes beside the settings of its filters, which
+//! are `ThesisSettings`, and `TrackerSettings` with what is learnt from the calibration clips below.
 
 use zerre_vision::rgbd::scene::Condition;
 
@@ -68,8 +68,8 @@ pub struct RecordedClip {
     pub seen: &'static str,
 }
 
-/// The recordings of the table `recorded`. First places were read off the pictures by eye, with a grid of 100 pixels over
-/// them, in the first frame in which the point can be told; nothing was tried beside them.
+/// The recordings of the table `recorded`. First places were read off the pictures by eye, with a grid of 100
+/// pixels over them, in the first frame in which the point can be told; nothing was tried beside them.
 pub const RECORDED: [RecordedClip; 3] = [
     RecordedClip {
         name: "um",
@@ -98,8 +98,8 @@ pub const RECORDED: [RecordedClip; 3] = [
         seen: "",
     },
 ];
-/// Frames per second that recordings without times are taken to have: judged from how far a walking person comes from one
-/// to the next.
+/// Frames per second that recordings without times are taken to have: judged from how far a walking person
+/// comes from one to the next.
 pub const RECORDED_RATE_HZ: f64 = 3.0;
 /// Frames of a recording in pictures.
 pub const RECORDED_FRAMES: usize = 12;

@@ -229,7 +229,8 @@ impl<'a> Results<'a> {
         for (source, count) in names.into_iter().zip(best) {
             rows.push(of(source).row(("best_count", "pooled"), exact(f64::from(count as u32))));
         }
-        // The thesis's warm-up and improvement: mean over the frames after it of its filter's error over the device's.
+        // The thesis's warm-up and improvement: mean over the frames after it of its filter's error over the
+        // device's.
         let Some(curve) = self.welch(particles) else { return rows };
         let mser = mser5(&curve.mean);
         let settled =
@@ -320,7 +321,9 @@ impl<'a> Results<'a> {
             let rows = self.sweeps.keys().flat_map(|particles| self.of_sweep(*particles)).collect();
             push(SWEEPS, "The thesis's chapter 5: numbers of particles.", rows);
         }
-        push("latency", "Processor time per frame.", self.times());
+        if self.experiment.is_drawn() {
+            push("latency", "Processor time per frame.", self.times());
+        }
         if asked.contains(ERRORS) {
             tables.push(self.frame_table());
         }
@@ -347,7 +350,8 @@ impl<'a> Results<'a> {
         Table::new("table-in-time", about, &head, (0..frames).map(row).collect())
     }
 
-    /// Frame and distance from the truth of a source in the first clip, where it said something; or the noise floor.
+    /// Frame and distance from the truth of a source in the first clip, where it said something; or the noise
+    /// floor.
     pub(super) fn in_time(&self, source: &str) -> Vec<[f64; 2]> {
         let Some(clip) = self.clips.get(&0).and_then(|clips| clips.first()) else { return Vec::new() };
         let errors = if source == FLOOR { Some(&clip.floor) } else { clip.errors.get(source) };

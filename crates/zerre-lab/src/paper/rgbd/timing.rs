@@ -92,8 +92,8 @@ pub(super) fn filters(
     Ok(clock.stages())
 }
 
-/// What does not depend on the number of particles: depth brought to the colours' pixels, and the single steps of the
-/// thesis with the copies of their pictures.
+/// What does not depend on the number of particles: depth brought to the colours' pixels, and the single
+/// steps of the thesis with the copies of their pictures.
 pub(super) fn steps(scene: &Scene, thesis: &ThesisSettings, frames: usize) -> Result<Vec<Timed>> {
     let (camera, size) = (scene.camera(), scene.background().0.size());
     let registration = Registration::new(camera, size, size)?;

@@ -1,8 +1,10 @@
 //! How long a curve of errors takes to settle.
 
-/// Share of its range that a curve may leave its level by when it has settled, however well its mean is known.
+/// Share of its range that a curve may leave its level by when it has settled, however well its mean is
+/// known.
 const SETTLED: f64 = 0.05;
-/// A curve is smooth whose ups and downs add up to so many times its range at most: once down, and once up and down.
+/// A curve is smooth whose ups and downs add up to so many times its range at most: once down, and once up
+/// and down.
 const SMOOTH: f64 = 3.0;
 /// Standard errors that a mean may be off by.
 const ERRORS: f64 = 1.96;
@@ -38,11 +40,11 @@ fn range(values: &[f64]) -> f64 {
     high - low
 }
 
-/// Welch's procedure (Law, Simulation Modeling and Analysis, section 9.5.1) on independent replications: the mean over
-/// them is smoothed by a moving average, the narrowest with which it is smooth, of at most a quarter of its frames. The
-/// book then looks where the curve is level. Here it is so from the frame on from which it stays within the larger of
-/// 5 % of its range and 1.96 standard errors of its own, over the replications, about the mean of its second half.
-/// `None` of fewer than eight frames.
+/// Welch's procedure (Law, Simulation Modeling and Analysis, section 9.5.1) on independent replications: the
+/// mean over them is smoothed by a moving average, the narrowest with which it is smooth, of at most a
+/// quarter of its frames. The book then looks where the curve is level. Here it is so from the frame on from
+/// which it stays within the larger of 5 % of its range and 1.96 standard errors of its own, over the
+/// replications, about the mean of its second half. `None` of fewer than eight frames.
 pub fn welch(replications: &[&[f64]]) -> Option<Welch> {
     let frames = replications.iter().map(|one| one.len()).min().filter(|frames| *frames >= 8)?;
     let n = replications.len() as f64;
@@ -69,8 +71,8 @@ pub fn welch(replications: &[&[f64]]) -> Option<Welch> {
     Some(Welch { window, mean, smooth, level, band, settled: (settled <= half).then_some(settled) })
 }
 
-/// The number of leading frames to leave out that makes the standard error of the mean of the rest least, in steps of five
-/// (MSER-5; White, Cobb and Spratt 2000); at most half of them.
+/// The number of leading frames to leave out that makes the standard error of the mean of the rest least, in
+/// steps of five (MSER-5; White, Cobb and Spratt 2000); at most half of them.
 pub fn mser5(values: &[f64]) -> usize {
     let batches: Vec<f64> = values.chunks_exact(5).map(|five| five.iter().sum::<f64>() / 5.0).collect();
     let score = |from: usize| {
@@ -102,8 +104,9 @@ mod tests {
         assert_eq!(welch(&[&[1.0; 30]]).unwrap().settled, Some(0));
     }
 
-    /// Errors that resemble their neighbours have no transient: what is left after smoothing is within what chance makes
-    /// of five replications. A band by the range alone has such curves settle with their last frame.
+    /// Errors that resemble their neighbours have no transient: what is left after smoothing is within what
+    /// chance makes of five replications. A band by the range alone has such curves settle with their last
+    /// frame.
     #[test]
     fn chance_is_not_taken_for_a_transient() {
         let settled = (0..20)
@@ -124,8 +127,9 @@ mod tests {
                 welch(&runs).unwrap().settled.is_some()
             })
             .count();
-        // The second half has some five independent stretches of 10 frames, each within the band with 95 % or a little
-        // less (the errors are those of five runs): three quarters settle. Fewer than 9 of 20 have less than 2 %.
+        // The second half has some five independent stretches of 10 frames, each within the band with 95 % or
+        // a little less (the errors are those of five runs): three quarters settle. Fewer than 9 of 20 have
+        // less than 2 %.
         assert!(settled >= 9, "{settled}");
     }
 
