@@ -15,11 +15,12 @@ use crate::study::table::{Entry, Table};
 use std::path::{Path, PathBuf};
 use zerre::rng::Stream;
 use zerre_vision::frames::folder;
+use zerre_vision::operator::crop;
 use zerre_vision::rgbd::background::MedianRoom;
 use zerre_vision::rgbd::recording::{Recording, RecordingOptions};
 use zerre_vision::rgbd::thesis::{Thesis, ThesisSettings};
 use zerre_vision::rgbd::tracker::{PointTracker, TrackerSettings};
-use zerre_vision::rgbd::{Depth, Reading, Registration, RgbdFrame};
+use zerre_vision::rgbd::{Depth, NO_DEPTH, Reading, Registration, RgbdFrame};
 use zerre_vision::{Error, Frame as Colours, Result};
 
 /// Frames that a room is the median of, at most.
@@ -83,6 +84,14 @@ fn number(frame: &RgbdFrame) -> Option<u32> {
 
 fn unfit(error: impl std::fmt::Display) -> Error {
     Error::Input { input: "a picture of the page".to_owned(), problem: error.to_string() }
+}
+
+/// The middle of the depths that were measured within five pixels of a place.
+fn depth_at(frame: &RgbdFrame, [x, y]: [f64; 2]) -> Option<f64> {
+    let near = crop(&frame.depth, x as isize - 5, y as isize - 5, 11, 11);
+    let mut known: Vec<u16> = near.pixels().iter().copied().filter(|mm| *mm != NO_DEPTH).collect();
+    known.sort_unstable();
+    known.get(known.len() / 2).map(|mm| f64::from(*mm))
 }
 
 /// Depth as its own camera saw it, from the file that belongs to a frame; `None` where there is none.
@@ -175,8 +184,9 @@ fn judge_one(
             if number(&frame) == Some(clip.first.0) {
                 let (settings, thesis) = (settings.clone(), thesis.clone());
                 let room = (empty.clone(), camera.colour);
+                let begin = Reading { depth_mm: depth_at(&frame, first.at), ..first };
                 filters = Some((
-                    PointTracker::start(settings, room, (&frame, first), stream)?,
+                    PointTracker::start(settings, room, (&frame, begin), stream)?,
                     Thesis::start(thesis, empty.clone(), first.at, stream)?,
                     first.at,
                 ));

@@ -78,7 +78,11 @@ pub const RECORDED: [RecordedClip; 3] = [
         empty: [1, 38],
         first: (3, [201.0, 416.0]),
         follows: "the right hand of the man who walks",
-        seen: "",
+        seen: "In a run of seed 1: the man turns his back, walks off and comes back; his hand is some 15 \
+               pixels wide and moves by up to 60 from one frame to the next. The sound filter loses it \
+               within a few frames and flags most of the rest; in some frames it stands on his trousers \
+               and, on the way back, on his head, and does not say so. The thesis's particles stay about \
+               where they began, and nothing tells that they are wrong.",
     },
     RecordedClip {
         name: "filinha",
@@ -86,7 +90,11 @@ pub const RECORDED: [RecordedClip; 3] = [
         empty: [9, 26],
         first: (29, [285.0, 421.0]),
         follows: "the right hand of the first who walks",
-        seen: "",
+        seen: "In a run of seed 1: five people cross, and hands, faces and arms come and go by the dozen. \
+               The sound filter soon leaves the first man's hand for his head, whose colours are the same, \
+               stays there unflagged for a while, and flags nearly all the rest once he has gone. The \
+               thesis's particles go from one passer-by to the next: whatever moves in their window is the \
+               hand to them.",
     },
     RecordedClip {
         name: "corridor",
@@ -95,7 +103,10 @@ pub const RECORDED: [RecordedClip; 3] = [
         empty: [25, 25],
         first: (1, [440.0, 194.0]),
         follows: "the head, since hands are before the body, unseen, in most frames",
-        seen: "",
+        seen: "In a run of seed 1: the sound filter stays about the head, with a wide ellipse, while the \
+               man walks away, until it is as dark as the doorway behind it; from there on it is flagged as \
+               lost and not found again on the way back, when the face is seen and no longer the hair. The \
+               thesis's particles hang about the door frame.",
     },
 ];
 /// Frames per second that recordings without times are taken to have: judged from how far a walking person
