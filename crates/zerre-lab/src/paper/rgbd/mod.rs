@@ -28,6 +28,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 use zerre::rng::Stream;
 use zerre_vision::rgbd::fusion::FusionSettings;
+use zerre_vision::rgbd::scene::Scene;
 use zerre_vision::rgbd::thesis::ThesisSettings;
 use zerre_vision::rgbd::tracker::TrackerSettings;
 
@@ -139,6 +140,21 @@ impl RgbdFusion {
         [ERRORS, SWEEPS].iter().any(|table| self.request.tables.contains(table))
     }
 
+    /// The first clip with a frame in which both ways of the thesis go through to their last step, and the
+    /// frame; where there is none, the middle of the first clip.
+    fn shown(&self, thesis: &ThesisSettings) -> zerre::Result<(usize, Scene, usize)> {
+        let clip = |clip| run::clip(&CONDITIONS[0], self.seed, clip).map_err(refused);
+        for k in 0..self.request.clips {
+            let scene = clip(k)?;
+            if let Some(frame) = pictures::complete(&scene, thesis).map_err(refused)? {
+                return Ok((k, scene, frame));
+            }
+        }
+        let scene = clip(0)?;
+        let middle = scene.len() / 2;
+        Ok((0, scene, middle))
+    }
+
     fn stream(&self, clip: usize) -> Stream {
         Stream::new(self.seed).fork(0x7267_6264).fork(clip as u64)
     }
@@ -219,8 +235,10 @@ impl Experiment for RgbdFusion {
     }
 
     fn time(&self, stop: &dyn Fn() -> bool, done: &mut dyn FnMut()) -> zerre::Result<Option<Timing>> {
+        let thesis = ThesisSettings::default();
+        let (_, shown, _) = self.shown(&thesis)?;
+        let mut timing = timing::steps(&shown, &thesis, TIMED_FRAMES).map_err(refused)?;
         let scene = run::clip(&CONDITIONS[0], self.seed, 0).map_err(refused)?;
-        let mut timing = timing::steps(&scene, &ThesisSettings::default(), TIMED_FRAMES).map_err(refused)?;
         done();
         for particles in [CHOSEN, SWEEP[SWEEP.len() - 1]] {
             if stop() {
@@ -228,7 +246,7 @@ impl Experiment for RgbdFusion {
             }
             let mut settings = self.learnt(None)?;
             settings.fusion.particles = particles;
-            let thesis = ThesisSettings { particles, ..ThesisSettings::default() };
+            let thesis = ThesisSettings { particles, ..thesis.clone() };
             timing.extend(timing::filters(&scene, &settings, &thesis, TIMED_FRAMES).map_err(refused)?);
             done();
         }
@@ -249,10 +267,8 @@ impl Experiment for RgbdFusion {
         let mut painted = Vec::new();
         if asked.contains(SWEEPS) && !interrupted {
             let scene = run::clip(&CONDITIONS[0], self.seed, 0).map_err(refused)?;
-            let first = pictures::chosen(&scene).first().copied();
-            if let Some(first) = first {
-                painted.extend(pictures::steps(&scene, &thesis, first)?);
-            }
+            let (clip, shown, frame) = self.shown(&thesis)?;
+            painted.extend(pictures::steps(&shown, &thesis, (clip, frame))?);
             painted.extend(pictures::overlays(&scene, &self.learnt(None)?, &thesis, stream)?);
             sections.push(report::pictures(&painted));
         }

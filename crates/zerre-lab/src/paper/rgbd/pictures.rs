@@ -35,7 +35,7 @@ const COLOUR: [(&str, &str); 12] = [
     ("I3", "grey"),
     ("I4", "over low threshold"),
     ("I5", "over high threshold"),
-    ("I6", "one, not both"),
+    ("I6", "one but not both"),
     ("I7", "small regions dropped"),
     ("I8", "holes filled"),
     ("I9", "dilated"),
@@ -50,7 +50,7 @@ const DEPTH: [(&str, &str); 13] = [
     ("I3", "8 bits"),
     ("I4", "over low threshold"),
     ("I5", "over high threshold"),
-    ("I6", "one, not both"),
+    ("I6", "one but not both"),
     ("I7", "change of I6"),
     ("I8", "holes filled"),
     ("I9", "dilated"),
@@ -84,11 +84,23 @@ pub(super) fn label(drawn: &mut Frame, text: &str) {
     drawn.text([4.0, 13.0], 9.0, text, INK);
 }
 
-/// The steps of colour and of depth in a frame, each on one sheet.
+/// A frame in which both ways of the thesis go through to their last step: the middle one of these, if there
+/// is any.
+pub(super) fn complete(scene: &Scene, thesis: &ThesisSettings) -> zerre_vision::Result<Option<usize>> {
+    let mut filter = Thesis::start(thesis.clone(), scene.background(), first(scene).at, Stream::new(1))?;
+    let mut found = Vec::new();
+    for k in 1..scene.len() {
+        let [_, colour, depth] = filter.step(&scene.frame(k), scene.device(k).as_ref(), [None, None])?.places;
+        found.extend((colour.is_some() && depth.is_some()).then_some(k));
+    }
+    Ok(found.get(found.len() / 2).copied())
+}
+
+/// The steps of colour and of depth in a frame of a clip, each on one sheet.
 pub(super) fn steps(
     scene: &Scene,
     thesis: &ThesisSettings,
-    (wanted, what): Chosen,
+    (clip, wanted): (usize, usize),
 ) -> Result<Vec<Painted>, Box<dyn Error>> {
     let mut filter = Thesis::start(thesis.clone(), scene.background(), first(scene).at, Stream::new(1))?;
     // Depth compares a frame with the one before.
@@ -118,8 +130,9 @@ pub(super) fn steps(
         let across = cells.len().div_ceil(2);
         if let Some(sheet) = sheet(&cells.iter().collect::<Vec<_>>(), across)? {
             let title = format!(
-                "The thesis's steps of {name} in its window, frame {} of the first clip ({what})",
-                wanted + 1
+                "The thesis's steps of {name} in its window, frame {} of clip {}",
+                wanted + 1,
+                clip + 1
             );
             painted.push(pictured(&title, &format!("steps-{name}.png"), &sheet)?);
         }
@@ -191,14 +204,14 @@ pub(super) fn overlays(
                 lost: false,
                 particles: some(old.particles(), *particles),
             };
-            above.push(part(&frame, corner, (&format!("thesis, {particles} particles"), point), truth)?);
+            above.push(part(&frame, corner, (&format!("thesis: {particles} particles"), point), truth)?);
             let point = ShownPoint {
                 at: fused.at,
                 covariance: fused.covariance,
                 lost: fused.is_lost(),
                 particles: some(tracker.particles(), *particles),
             };
-            below.push(part(&frame, corner, (&format!("sound, {particles} particles"), point), truth)?);
+            below.push(part(&frame, corner, (&format!("sound: {particles} particles"), point), truth)?);
         }
         let cells: Vec<&Frame> = above.iter().chain(&below).collect();
         let Some(sheet) = sheet(&cells, filters.len())? else { continue };

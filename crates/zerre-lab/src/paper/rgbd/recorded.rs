@@ -430,7 +430,18 @@ mod tests {
         fs::create_dir_all(path.join("rgb")).unwrap();
         fs::create_dir_all(path.join("depth")).unwrap();
         let scene = Scene::new(SceneSettings::calibration(), 3).unwrap();
-        fs::write(within.join("camera.json"), serde_json::to_vec(&scene.camera()).unwrap()).unwrap();
+        let camera = scene.camera();
+        let lens = |lens: zerre_vision::rgbd::Intrinsics| {
+            format!("{{\"focal\": {:?}, \"principal\": {:?}}}", lens.focal, lens.principal)
+        };
+        let text = format!(
+            "{{\"colour\": {}, \"depth\": {}, \"rotation\": {:?}, \"translation\": {:?}}}",
+            lens(camera.colour),
+            lens(camera.depth),
+            camera.rotation,
+            camera.translation
+        );
+        fs::write(within.join("camera.json"), text).unwrap();
         for k in 0..7 {
             let colours = png(&scene.frame(k).colour).unwrap();
             let colours = if k == 4 { b"none".to_vec() } else { colours };

@@ -98,7 +98,7 @@ impl Results<'_> {
                 name: name.to_owned(),
                 points: found.iter().map(|(n, row)| [*n, row.value]).collect(),
                 band: if metric == "best_count" { Vec::new() } else { band.collect() },
-                dots: true,
+                dots: metric == "rmse_px",
                 reference: false,
             }
         };
@@ -235,18 +235,20 @@ impl Results<'_> {
 
 /// What there is to say of the warm-up, where so many of the numbers of particles never settle.
 fn settling(never: usize, all: usize) -> String {
-    let how = "Warm-up by Welch's procedure: squared errors are averaged over the runs and the clips and smoothed by the \
-               narrowest moving average, of at most a quarter of the frames, that makes the curve smooth; it has settled \
-               where it stays about the mean of its second half, by no more than 5 % of its range or 1.96 of its own \
-               standard errors over the clips.";
-    if never == 0 {
-        return format!("{how} It does so for every number of particles.");
+    let mut text =
+        "Warm-up by Welch's procedure: squared errors are averaged over the runs and the clips and smoothed by the \
+         narrowest moving average, of at most a quarter of the frames, that makes the curve smooth; it has settled \
+         where it stays about the mean of its second half, by no more than 5 % of its range or 1.96 of its own \
+         standard errors over the clips. A filter begins where the hand is: there is no transient to cut off, and what \
+         the curve follows is where the hand is in these clips and what the device says of it there, with a burst \
+         here and there. A warm-up that is found is to be read as the end of such a burst."
+            .to_owned();
+    if never > 0 {
+        text += &format!(
+            " For {never} of {all} numbers of particles the curve never settles in its first half; MSER-5 stands in."
+        );
     }
-    format!(
-        "{how} For {never} of {all} numbers of particles it never does in the first half: the error follows where the hand \
-         is and what the device says of it there, not the time since the filter began, so that there is no warm-up to cut \
-         off. MSER-5 stands in for it below."
-    )
+    text
 }
 
 /// Values against their steps, from 1.
