@@ -130,7 +130,8 @@ pub(super) fn steps(
         let across = cells.len().div_ceil(2);
         if let Some(sheet) = sheet(&cells.iter().collect::<Vec<_>>(), across)? {
             let title = format!(
-                "The thesis's steps of {name} in its window, frame {} of clip {}",
+                "The thesis's steps of {} in its window, frame {} of clip {}",
+                if name == "color" { "colour" } else { name },
                 wanted + 1,
                 clip + 1
             );

@@ -80,9 +80,9 @@ pub const RECORDED: [RecordedClip; 3] = [
         follows: "the right hand of the man who walks",
         seen: "In a run of seed 1: the man turns his back, walks off and comes back; his hand is some 15 \
                pixels wide and moves by up to 60 from one frame to the next. The sound filter loses it \
-               within a few frames and flags most of the rest; in some frames it stands on his trousers \
-               and, on the way back, on his head, and does not say so. The thesis's particles stay about \
-               where they began, and nothing tells that they are wrong.",
+               within a few frames and flags about half of the rest; in some frames it stands on his \
+               trousers and, on the way back, on his head, and does not say so. The thesis's particles stay \
+               about where they began, and nothing tells that they are wrong.",
     },
     RecordedClip {
         name: "filinha",
@@ -91,10 +91,10 @@ pub const RECORDED: [RecordedClip; 3] = [
         first: (29, [285.0, 421.0]),
         follows: "the right hand of the first who walks",
         seen: "In a run of seed 1: five people cross, and hands, faces and arms come and go by the dozen. \
-               The sound filter soon leaves the first man's hand for his head, whose colours are the same, \
-               stays there unflagged for a while, and flags nearly all the rest once he has gone. The \
-               thesis's particles go from one passer-by to the next: whatever moves in their window is the \
-               hand to them.",
+               The sound filter loses the first man's hand within a few frames; its particles then lie on \
+               several people, its ellipse takes up most of the picture, and it is flagged as lost in most \
+               frames. The thesis's particles go from one passer-by to the next: whatever moves in their \
+               window is the hand to them.",
     },
     RecordedClip {
         name: "corridor",
