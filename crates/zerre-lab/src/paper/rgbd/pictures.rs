@@ -107,7 +107,8 @@ pub(super) fn steps(
     let mut shown: [Vec<(&'static str, Step)>; 2] = Default::default();
     for k in wanted.saturating_sub(1)..=wanted {
         let [colour, depth] = &mut shown;
-        (colour.clear(), depth.clear());
+        colour.clear();
+        depth.clear();
         let mut keep_colour = |step, picture| colour.push((step, picture));
         let mut keep_depth = |step, picture| depth.push((step, picture));
         let joint = scene.device(k);
