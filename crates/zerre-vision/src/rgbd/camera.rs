@@ -137,7 +137,7 @@ impl Registration {
                 let far = turned(ahead, shift[2]);
                 let (x, y) =
                     (fx * turned(right, shift[0]) / far + cx, fy * turned(down, shift[1]) / far + cy);
-                let shown = (units != invalid) & (far >= 1.0) & (far < 65_535.0);
+                let shown = (units != invalid) & (1.0..65_535.0).contains(&far);
                 let shown = shown & (x > -0.5) & (y > -0.5) & (x < right_end) & (y < lower_end);
                 *place = nearest(y).wrapping_mul(width as u32).wrapping_add(nearest(x));
                 *depth = if shown { nearest(far) } else { 0 };
