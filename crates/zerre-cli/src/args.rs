@@ -295,6 +295,7 @@ Examples:
   zerre reproduce extended-target --runs 200        narrower intervals
   zerre reproduce swarm --table variants            a table that is computed only on request
   zerre reproduce video --data otb --quick          sequences of a folder (`otb` in it, if there is one)
+  zerre reproduce rgbd --table recorded --data DIR  real recordings (`rgbd_asus` in it, if there is one)
   zerre reproduce multi-ball --particles 50,1000    some sizes only
   zerre reproduce multiple-model --resume           go on where an interrupted run stopped
 
@@ -320,7 +321,7 @@ pub struct Reproduce {
     #[arg(long, value_name = "N", requires = "paper", value_delimiter = ',')]
     #[arg(allow_negative_numbers = true, value_parser = at_least_one::<NonZeroU32>)]
     pub particles: Vec<NonZeroU32>,
-    /// Folder of recordings, for tables that need them (extended-target: recorded; video: annotated
+    /// Folder of recordings, for tables that need them (extended-target, rgbd: recorded; video: annotated
     /// sequences) [default: $ZERRE_DATA]
     #[arg(long, value_name = "DIR", requires = "paper")]
     pub data: Option<PathBuf>,

@@ -387,6 +387,26 @@ fn printed_errors_stand_alone_where_a_sequence_is_missing() {
     assert!(page.contains("Not available: Walking") && here.join("all/table-2.csv").exists());
 }
 
+/// Real recordings that are not on disk are named; a folder that is not there is refused.
+#[test]
+fn recordings_of_depth_that_are_missing_are_said_so() {
+    let here = folder("rgbd");
+    let found = json(&here, "reproduce rgbd --table recorded --out all");
+    assert_eq!(found["rows"], serde_json::json!([]));
+    let table = fs::read_to_string(here.join("all/table-recorded.csv")).unwrap();
+    assert_eq!(table.matches("not available").count(), 3, "{table}");
+    let page = fs::read_to_string(here.join("all/report.html")).unwrap();
+    assert!(page.contains("Not available: um, filinha, corridor. Name the folder"));
+    for paper in ["rgbd", "video"] {
+        let output = zerre(&here, &format!("reproduce {paper} --data nowhere"));
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            output.status.code() == Some(1) && text.contains("nowhere: there is no such folder"),
+            "{text}"
+        );
+    }
+}
+
 /// Swarm filters: columns, printed values, every filter in every world, tables on request, threads, seeds.
 #[test]
 fn the_swarm_filters_are_run_in_all_worlds() {

@@ -21,7 +21,7 @@ use zerre_lab::paper::extended_target::{self, ExtendedTarget};
 use zerre_lab::paper::multi_ball::{self, MultiBall};
 use zerre_lab::paper::multiple_model::settings::{NOISES, Setting};
 use zerre_lab::paper::multiple_model::{self, Asked, MultipleModel, Request};
-use zerre_lab::paper::rgbd::{self, RgbdFusion};
+use zerre_lab::paper::rgbd::{self, Recordings as RgbdRecordings, RgbdFusion};
 use zerre_lab::paper::swarm::dimensions::Dimensions;
 use zerre_lab::paper::swarm::{self, SwarmFilters};
 use zerre_lab::paper::video::{self, VideoTrackers};
@@ -315,21 +315,35 @@ fn rgbd(args: &Reproduce, options: &Global, console: &Console) -> Result<Exit, D
         request.particles.sort_unstable();
         request.particles.dedup();
     }
-    let config = json!({ "tables": request.tables, "clips": request.clips, "particles": request.particles });
+    let recordings = match folder_of(args.data.as_deref(), "rgbd_asus")? {
+        Some(folder) => RgbdRecordings::within(folder),
+        None => RgbdRecordings::default(),
+    };
+    let config = json!({
+        "tables": request.tables, "clips": request.clips, "particles": request.particles,
+        "recordings": recordings.names(),
+    });
     let what = (request.clips, config);
-    let experiment = RgbdFusion::new(request, options.seed);
+    let experiment = RgbdFusion::new(request, recordings, options.seed);
     reproduce(paper, &experiment, rgbd::SETTINGS, what, (args, options), console)
 }
 
-/// Annotated sequences in the folder that is named, or in `otb` within it; without one, in `otb` within that of the
-/// environment, where there is such.
-fn sequences(folder: Option<&Path>) -> Result<Vec<Sequence>, Diagnostic> {
-    let within = |folder: &Path| Some(folder.join("otb")).filter(|otb| otb.is_dir());
-    let found = match folder {
-        Some(folder) => Some(within(folder).unwrap_or_else(|| folder.to_owned())),
-        None => std::env::var_os("ZERRE_DATA").and_then(|folder| within(Path::new(&folder))),
+/// The folder that is named, or `part` within it; without one, `part` within that of the environment, where there is such.
+fn folder_of(folder: Option<&Path>, part: &str) -> Result<Option<PathBuf>, Diagnostic> {
+    let within = |folder: &Path| Some(folder.join(part)).filter(|part| part.is_dir());
+    let Some(folder) = folder else {
+        return Ok(std::env::var_os("ZERRE_DATA").and_then(|folder| within(Path::new(&folder))));
     };
-    found.map_or_else(|| Ok(Vec::new()), |folder| super::otb::sequences(&[folder]))
+    if !folder.is_dir() {
+        let what = format!("{}: there is no such folder of recordings", folder.display());
+        return Err(Diagnostic::new(what).help("name another with --data, or leave it out"));
+    }
+    Ok(Some(within(folder).unwrap_or_else(|| folder.to_owned())))
+}
+
+/// Annotated sequences of a folder.
+fn sequences(folder: Option<&Path>) -> Result<Vec<Sequence>, Diagnostic> {
+    folder_of(folder, "otb")?.map_or_else(|| Ok(Vec::new()), |folder| super::otb::sequences(&[folder]))
 }
 
 fn unreadable(error: zerre_io::Error) -> Diagnostic {

@@ -1,9 +1,11 @@
 //! Frames with what a tracker makes of them: truth, box, particles, and whether the object is lost.
 
 use super::animation::{Colour, Frame, Pen};
+use super::study::Picture;
 use crate::error::Result;
-use zerre_vision::Rect;
+use zerre_vision::frames::folder::png;
 use zerre_vision::tracker::{Estimate, Particle};
+use zerre_vision::{Image, Rect};
 
 const TRUTH: Colour = [70, 220, 110, 255];
 const BOX: Colour = [255, 160, 20, 255];
@@ -21,6 +23,8 @@ const KEPT: usize = 48;
 const ACROSS: usize = 4;
 /// Width of its frames, px.
 const CELL: u16 = 300;
+/// Between frames side by side, px.
+const GAP: usize = 4;
 
 /// A frame with something to draw on it.
 pub trait Drawn {
@@ -159,16 +163,36 @@ impl Film {
         } else {
             (0..FILM).filter_map(|k| self.kept.get((k * last + (FILM - 1) / 2) / (FILM - 1))).collect()
         };
-        let Some(first) = chosen.first() else { return Ok(None) };
-        let [width, height] = first.size();
-        let (across, down) = (chosen.len().min(ACROSS), chosen.len().div_ceil(ACROSS));
-        let side = |count: usize, side: usize| u16::try_from(count * (side + 4) - 4).unwrap_or(0);
-        let mut strip = Frame::new([side(across, width), side(down, height)], INK)?;
-        for (k, frame) in chosen.iter().enumerate() {
-            strip.put(frame, [(k % ACROSS) * (width + 4), (k / ACROSS) * (height + 4)]);
-        }
-        Ok(Some(strip))
+        sheet(&chosen, ACROSS)
     }
+}
+
+/// Frames of one size side by side, `across` of them in a row; nothing without a frame.
+///
+/// # Errors
+/// A picture that is too large.
+pub fn sheet(frames: &[&Frame], across: usize) -> Result<Option<Frame>> {
+    let Some(first) = frames.first() else { return Ok(None) };
+    let [width, height] = first.size();
+    let side = |count: usize, side: usize| u16::try_from(count * (side + GAP) - GAP).unwrap_or(0);
+    let rows = frames.len().div_ceil(across);
+    let mut sheet = Frame::new([side(across.min(frames.len()), width), side(rows, height)], INK)?;
+    for (k, frame) in frames.iter().enumerate() {
+        sheet.put(frame, [(k % across) * (width + GAP), (k / across) * (height + GAP)]);
+    }
+    Ok(Some(sheet))
+}
+
+/// A frame as a picture of a page, with the bytes of its file.
+///
+/// # Errors
+/// A frame that cannot be encoded.
+pub fn pictured(title: &str, file: &str, drawn: &Frame) -> zerre_vision::Result<(Picture, Vec<u8>)> {
+    let [width, height] = drawn.size();
+    let bytes = png(&Image::new(width, height, drawn.rgb())?)?;
+    // Both fit: frames are made of such sizes.
+    let size = [width, height].map(|side| u16::try_from(side).unwrap_or(u16::MAX));
+    Ok((Picture { title: title.to_owned(), file: file.to_owned(), size }, bytes))
 }
 
 #[cfg(test)]

@@ -4,13 +4,11 @@ use super::settings::{BALLS, PICTURED_FRAMES, PICTURED_PARTICLES};
 use super::work::{detector, follow};
 use super::{MultiBall, Part};
 use crate::balls::{BallScene, ShownBall};
-use crate::report::overlay::{Drawn, shown};
+use crate::report::overlay::{Drawn, pictured, shown};
 use crate::report::study::{Figure, Picture, Series};
 use std::error::Error;
 use zerre::resample::Resampling;
-use zerre_vision::Image;
 use zerre_vision::balls::thesis::{ByArea, READINGS};
-use zerre_vision::frames::folder::png;
 
 /// Width of the pictures, px.
 const WIDTH: u16 = 480;
@@ -83,11 +81,8 @@ impl MultiBall {
             let scene =
                 BallScene { frame: &frame, index: k, balls: &shown_balls, truth: clip.scene.truth(k) };
             let size = shown(frame.size(), WIDTH, WIDTH);
-            let drawn = scene.draw(size)?;
-            let [width, height] = drawn.size();
-            let bytes = png(&Image::new(width, height, drawn.rgb())?)?;
             let title = format!("Frame {}, {most} particles of each ball", k + 1);
-            painted.push((Picture { title, file: format!("particles-{}.png", k + 1), size }, bytes));
+            painted.push(pictured(&title, &format!("particles-{}.png", k + 1), &scene.draw(size)?)?);
         }
         Ok((figures, painted))
     }

@@ -70,8 +70,8 @@ impl Blocks {
         Blocks { bootstrap: Bootstrap::new(all.len(), stream), all }
     }
 
-    /// A statistic of the values that `value` gives for a clip and a frame, with its interval over draws of whole blocks.
-    /// `None` where there is no value.
+    /// A statistic of the values that `value` gives for a clip and a frame, with its interval over draws of
+    /// whole blocks. `None` where there is no value.
     pub fn estimate<T>(
         &self,
         value: impl Fn(usize, usize) -> Option<T>,
@@ -90,8 +90,9 @@ impl Blocks {
     }
 }
 
-/// The thesis's curves of one clip: of every source the mean of the squared errors over the runs, divided frame by frame so
-/// that the largest is 1 and the smallest 0, and the mean of that up to each frame. `squares[source][frame]`.
+/// The thesis's curves of one clip: of every source the mean of the squared errors over the runs, divided
+/// frame by frame so that the largest is 1 and the smallest 0, and the mean of that up to each frame.
+/// `squares[source][frame]`.
 pub fn cumulative(squares: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let frames = squares.iter().map(Vec::len).min().unwrap_or(0);
     let mut curves = vec![Vec::with_capacity(frames); squares.len()];
@@ -120,49 +121,19 @@ pub fn best_counts(errors: &[&Errors]) -> Vec<usize> {
     counts
 }
 
-/// Frames after which a curve has settled by Welch's method (Law, Simulation Modeling and Analysis, section 9.5.1): the
-/// mean over replications is smoothed by a moving average, and from the answer on it stays within `share` of its range
-/// about the mean of its second half.
-pub fn warm_up(replications: &[Vec<f64>], window: usize, share: f64) -> usize {
-    let frames = replications.iter().map(Vec::len).min().unwrap_or(0);
-    if frames == 0 {
-        return 0;
-    }
-    let n = replications.len() as f64;
-    let mean: Vec<f64> =
-        (0..frames).map(|k| replications.iter().map(|run| run[k]).sum::<f64>() / n).collect();
-    let smooth: Vec<f64> = (0..frames)
-        .map(|k| {
-            // Narrower towards both ends, so that it stays about its frame.
-            let reach = window.min(k).min(frames - 1 - k);
-            mean[k - reach..=k + reach].iter().sum::<f64>() / (2 * reach + 1) as f64
-        })
-        .collect();
-    let half = &smooth[frames / 2..];
-    let level = half.iter().sum::<f64>() / half.len() as f64;
-    let (low, high) = smooth.iter().fold((f64::MAX, f64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-    let band = share * (high - low);
-    smooth.iter().rposition(|v| (v - level).abs() > band).map_or(0, |last| last + 1)
-}
-
-/// The number of leading frames to leave out that makes the standard error of the mean of the rest least, in steps of five
-/// (MSER-5; White, Cobb and Spratt 2000); at most half of them.
-pub fn mser5(values: &[f64]) -> usize {
-    let batches: Vec<f64> = values.chunks_exact(5).map(|five| five.iter().sum::<f64>() / 5.0).collect();
-    let score = |from: usize| {
-        let rest = &batches[from..];
-        let n = rest.len() as f64;
-        let mean = rest.iter().sum::<f64>() / n;
-        rest.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n * n)
-    };
-    let best =
-        (0..=batches.len() / 2).filter(|&k| k < batches.len()).min_by(|&a, &b| score(a).total_cmp(&score(b)));
-    5 * best.unwrap_or(0)
+/// How far the mean of places is off by their scatter alone, root mean square in pixels: the standard error
+/// of a mean, over both axes. `None` of fewer than two places.
+pub fn mean_error(places: &[[f64; 2]]) -> Option<f64> {
+    let n = places.len() as f64;
+    let mean = [0, 1].map(|k| places.iter().map(|place| place[k]).sum::<f64>() / n);
+    let squares = places.iter().map(|p| (p[0] - mean[0]).powi(2) + (p[1] - mean[1]).powi(2)).sum::<f64>();
+    (places.len() > 1).then(|| (squares / (n * (n - 1.0))).sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use zerre::rng::Purpose;
 
     #[test]
     fn statistics_are_those_of_their_names() {
@@ -174,7 +145,8 @@ mod tests {
         assert!(Statistic::Rmse.of(&[]).is_nan());
     }
 
-    /// Blocks of equal errors: the interval is that of means of so many draws of blocks, wider than that of frames.
+    /// Blocks of equal errors: the interval is that of means of so many draws of blocks, wider than that of
+    /// frames.
     #[test]
     fn intervals_are_over_blocks() {
         let blocks = Blocks::new(&[200, 195], Stream::new(1));
@@ -200,14 +172,21 @@ mod tests {
         assert_eq!(best_counts(&[&a, &b]), [2, 2]);
     }
 
-    /// A curve that falls for 20 frames and is level then.
+    /// The mean of n normal draws of standard deviation s is off by s sqrt(2 / n) in the plane.
     #[test]
-    fn curves_settle_where_they_are_level() {
-        let run: Vec<f64> = (0..100).map(|k| (20.0 - k as f64).max(0.0)).collect();
-        let settled = warm_up(&[run.clone(), run.clone()], 5, 0.05);
-        assert!((15..=25).contains(&settled), "{settled}");
-        assert_eq!(mser5(&run), 20);
-        assert_eq!((warm_up(&[], 5, 0.1), mser5(&[])), (0, 0));
-        assert_eq!(warm_up(&[vec![1.0; 30]], 5, 0.05), 0);
+    fn the_mean_error_is_that_of_the_mean() {
+        assert_eq!(mean_error(&[[0.0, 0.0], [2.0, 0.0]]), Some(1.0));
+        assert_eq!((mean_error(&[[1.0, 1.0]]), mean_error(&[])), (None, None));
+        let (mut said, mut true_squares) = (0.0, 0.0);
+        for job in 0..2000 {
+            let mut draws = Stream::new(3).draws(Purpose::Other, job, 0);
+            let marks: Vec<[f64; 2]> = (0..7).map(|_| [3.0 * draws.normal(), 3.0 * draws.normal()]).collect();
+            said += mean_error(&marks).unwrap().powi(2) / 2000.0;
+            let mean = [0, 1].map(|k| marks.iter().map(|m| m[k]).sum::<f64>() / 7.0);
+            true_squares += (mean[0].powi(2) + mean[1].powi(2)) / 2000.0;
+        }
+        // Expected 18 / 7; of 2000 jobs the standard error is 0.9 % and 2.2 %: five of them.
+        assert!((said * 7.0 / 18.0 - 1.0).abs() < 0.045, "{said}");
+        assert!((true_squares * 7.0 / 18.0 - 1.0).abs() < 0.11, "{true_squares}");
     }
 }

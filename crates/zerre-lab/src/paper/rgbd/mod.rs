@@ -1,18 +1,24 @@
-//! Fusion of a device's joint, colour and depth: the thesis's filter as it stands, and a sound one beside it, on drawn
-//! recordings whose truth is known.
+//! Fusion of a device's joint, colour and depth: the thesis's filter as it stands, and a sound one beside it,
+//! on drawn recordings whose truth is known.
 //!
-//! The thesis's own clip is not to be had, so none of its numbers can be met or missed: what is reproduced is what it does
-//! and how it judges, under conditions of which all is known. A [`Request`] names tables; [`RgbdFusion`] is all of it as an
-//! [`Experiment`].
+//! The thesis's own clip is not to be had, so none of its numbers can be met or missed: what is reproduced is
+//! what it does and how it judges, under conditions of which all is known. A [`Request`] names tables;
+//! [`RgbdFusion`] is all of it as an [`Experiment`].
 
 pub mod evaluation;
+mod pictures;
+mod recorded;
 mod report;
 mod run;
 pub mod settings;
 mod tables;
+mod timing;
+pub mod welch;
 
+pub use recorded::Recordings;
 pub use run::{ClipOutcome, SweepOutcome};
 pub use tables::{Results, Row};
+pub use timing::Timed;
 
 use super::Paper;
 use crate::study::experiment::{Experiment, Finished, Mishap, SettingsFile};
@@ -22,6 +28,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 use zerre::rng::Stream;
 use zerre_vision::rgbd::fusion::FusionSettings;
+use zerre_vision::rgbd::scene::Scene;
 use zerre_vision::rgbd::thesis::ThesisSettings;
 use zerre_vision::rgbd::tracker::TrackerSettings;
 
@@ -30,12 +37,15 @@ const ERRORS: &str = "errors";
 /// The table of the thesis's chapter 5.
 const SWEEPS: &str = "thesis";
 
+/// The table of recordings of a real camera.
+const RECORDED: &str = "recorded";
+
 /// What lists say.
 pub const PAPER: Paper = Paper {
     name: "rgbd",
     about: "a hand followed in colour and depth by the fusion of three sources, the thesis's way and a sound one",
     source: "a thesis on particle filters that fuse sensors to follow human motion: chapters 4 and 5",
-    tables: &[ERRORS, SWEEPS],
+    tables: &[ERRORS, SWEEPS, RECORDED],
     on_request: &[],
 };
 
@@ -55,7 +65,8 @@ pub struct Request {
 }
 
 impl Request {
-    /// All tables, or all of them with fewer clips and the smallest, the chosen and the largest number of particles.
+    /// All tables, or all of them with fewer clips and the smallest, the chosen and the largest number of
+    /// particles.
     pub fn new(quick: bool) -> Request {
         let mut particles = SWEEP.to_vec();
         if quick {
@@ -100,15 +111,16 @@ pub enum Outcome {
 #[derive(Debug)]
 pub struct RgbdFusion {
     request: Request,
+    recordings: Recordings,
     seed: u64,
     /// Settings learnt without a source; each is learnt once, by whoever needs it first.
     learnt: Mutex<BTreeMap<Option<&'static str>, TrackerSettings>>,
 }
 
 impl RgbdFusion {
-    /// What `request` asks for.
-    pub fn new(request: Request, seed: u64) -> RgbdFusion {
-        RgbdFusion { request, seed, learnt: Mutex::default() }
+    /// What `request` asks for; real recordings are those that are there.
+    pub fn new(request: Request, recordings: Recordings, seed: u64) -> RgbdFusion {
+        RgbdFusion { request, recordings, seed, learnt: Mutex::default() }
     }
 
     /// The sound filter's settings without a source, learnt from the calibration clips.
@@ -123,6 +135,26 @@ impl RgbdFusion {
         Ok(settings)
     }
 
+    /// Whether drawn clips are asked for; real recordings have their times in a table of their own.
+    fn is_drawn(&self) -> bool {
+        [ERRORS, SWEEPS].iter().any(|table| self.request.tables.contains(table))
+    }
+
+    /// The first clip with a frame in which both ways of the thesis go through to their last step, and the
+    /// frame; where there is none, the middle of the first clip.
+    fn shown(&self, thesis: &ThesisSettings) -> zerre::Result<(usize, Scene, usize)> {
+        let clip = |clip| run::clip(&CONDITIONS[0], self.seed, clip).map_err(refused);
+        for k in 0..self.request.clips {
+            let scene = clip(k)?;
+            if let Some(frame) = pictures::complete(&scene, thesis).map_err(refused)? {
+                return Ok((k, scene, frame));
+            }
+        }
+        let scene = clip(0)?;
+        let middle = scene.len() / 2;
+        Ok((0, scene, middle))
+    }
+
     fn stream(&self, clip: usize) -> Stream {
         Stream::new(self.seed).fork(0x7267_6264).fork(clip as u64)
     }
@@ -135,8 +167,9 @@ fn refused(error: zerre_vision::Error) -> zerre::Error {
     }
 }
 
-/// Processor time per frame by stage, milliseconds: of the chosen and of the largest number of particles.
-pub type Timing = BTreeMap<(usize, &'static str), Vec<f64>>;
+/// Processor time per frame by stage: of the chosen and of the largest number of particles, and of what both
+/// share.
+pub type Timing = Vec<Timed>;
 
 impl Experiment for RgbdFusion {
     type Cell = Cell;
@@ -198,21 +231,23 @@ impl Experiment for RgbdFusion {
     }
 
     fn rounds(&self) -> u64 {
-        2
+        if self.is_drawn() { 3 } else { 0 }
     }
 
     fn time(&self, stop: &dyn Fn() -> bool, done: &mut dyn FnMut()) -> zerre::Result<Option<Timing>> {
-        let mut timing = Timing::new();
+        let thesis = ThesisSettings::default();
+        let (_, shown, _) = self.shown(&thesis)?;
+        let mut timing = timing::steps(&shown, &thesis, TIMED_FRAMES).map_err(refused)?;
         let scene = run::clip(&CONDITIONS[0], self.seed, 0).map_err(refused)?;
+        done();
         for particles in [CHOSEN, SWEEP[SWEEP.len() - 1]] {
             if stop() {
                 return Ok(None);
             }
             let mut settings = self.learnt(None)?;
             settings.fusion.particles = particles;
-            let thesis = ThesisSettings { particles, ..ThesisSettings::default() };
-            let times = run::timed(&scene, &settings, &thesis, TIMED_FRAMES).map_err(refused)?;
-            timing.extend(times.into_iter().map(|(stage, times)| ((particles, stage), times)));
+            let thesis = ThesisSettings { particles, ..thesis.clone() };
+            timing.extend(timing::filters(&scene, &settings, &thesis, TIMED_FRAMES).map_err(refused)?);
             done();
         }
         Ok(Some(timing))
@@ -223,10 +258,35 @@ impl Experiment for RgbdFusion {
         outcomes: &BTreeMap<Cell, Outcome>,
         timing: Option<&Timing>,
     ) -> Result<Finished<Row>, Box<dyn std::error::Error>> {
-        let interrupted = outcomes.len() < self.cells().len() || timing.is_none();
+        let interrupted = outcomes.len() < self.cells().len() || (timing.is_none() && self.is_drawn());
         let results = Results::new(self, outcomes, timing);
-        let rows = results.rows();
+        let asked = &self.request.tables;
+        let (thesis, stream) = (ThesisSettings::default(), self.stream(0));
+        let (mut rows, mut tables) = (results.rows(), results.tables());
+        let mut sections = Vec::new();
+        let mut painted = Vec::new();
+        if asked.contains(SWEEPS) && !interrupted {
+            let scene = run::clip(&CONDITIONS[0], self.seed, 0).map_err(refused)?;
+            let (clip, shown, frame) = self.shown(&thesis)?;
+            painted.extend(pictures::steps(&shown, &thesis, (clip, frame))?);
+            painted.extend(pictures::overlays(&scene, &self.learnt(None)?, &thesis, stream)?);
+            sections.push(report::pictures(&painted));
+        }
+        let mut recorded = Vec::new();
+        if asked.contains(RECORDED) && !interrupted {
+            // Without recordings nothing needs to be learnt.
+            if !self.recordings.names().is_empty() {
+                let settings = self.learnt(Some("device"))?;
+                recorded =
+                    recorded::judge(&self.recordings, (&settings, &thesis), stream).map_err(refused)?;
+            }
+            rows.extend(recorded.iter().flat_map(recorded::Judged::rows));
+            tables.push(recorded::table(&recorded));
+            sections.push(recorded::section(&recorded));
+            painted.extend(recorded.iter().filter_map(|judged| judged.film.clone()));
+        }
         let estimates = rows.iter().filter(|row| row.metric != "ms_per_frame").flat_map(Row::numbers);
+        let places = recorded.iter().flat_map(recorded::Judged::estimates);
         let without = |name: &str| {
             let clips = outcomes.values().filter_map(|outcome| match outcome {
                 Outcome::Clip(clip) => clip.errors.get(name),
@@ -235,10 +295,10 @@ impl Experiment for RgbdFusion {
             clips.flatten().filter(|error| error.is_none()).count()
         };
         Ok(Finished {
-            estimates: estimates.collect(),
-            tables: results.tables(),
-            files: Vec::new(),
-            page: results.page(interrupted),
+            estimates: estimates.chain(places).collect(),
+            tables,
+            files: painted.into_iter().map(|(picture, bytes)| (picture.file, bytes)).collect(),
+            page: results.page(interrupted, sections),
             mishaps: ["device", "color", "depth", "thesis-color", "thesis-depth"]
                 .map(|name| Mishap {
                     what: match name {

@@ -1,16 +1,16 @@
 //! One clip under one condition: what every source said, how far each was off, and what the filters made of it.
 
-use super::evaluation::Errors;
+use super::evaluation::{Errors, mean_error};
 use super::settings::{CALIBRATION_CLIPS, CALIBRATION_ROUNDS, SWEEP_RUNS, Under};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use zerre::rng::{Purpose, Stream};
 use zerre_vision::Result;
+use zerre_vision::rgbd::Reading;
 use zerre_vision::rgbd::calibrate::{Marked, WITHIN_95, calibrate};
 use zerre_vision::rgbd::scene::{Scene, SceneSettings};
 use zerre_vision::rgbd::thesis::{Thesis, ThesisSettings};
-use zerre_vision::rgbd::tracker::{PointTracker, Stage, TrackerSettings};
-use zerre_vision::rgbd::{Reading, RgbdFrame};
+use zerre_vision::rgbd::tracker::{PointTracker, TrackerSettings};
 
 /// What became of a clip.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -25,6 +25,9 @@ pub struct ClipOutcome {
     pub visible: Vec<f64>,
     /// By run and frame: whether it was flagged as lost, and whether its 95 % ellipse holds the truth.
     pub flags: Vec<Vec<(bool, bool)>>,
+    /// What the operators' mean is off by their scatter alone, as that tells, pixels: nothing below it can be measured.
+    #[serde(default)]
+    pub floor: Errors,
 }
 
 /// What became of a number of particles.
@@ -53,13 +56,13 @@ pub(super) fn clip(under: &Under, seed: u64, clip: usize) -> Result<Scene> {
 }
 
 /// The hand's first place: what the device says first.
-fn first(scene: &Scene) -> Reading {
+pub(super) fn first(scene: &Scene) -> Reading {
     let said = (0..scene.len()).find_map(|k| scene.device(k));
     said.unwrap_or(Reading { at: scene.truth(0).hand, depth_mm: None, confidence: 1.0 })
 }
 
 /// What the device says in a frame, as a tracker takes it.
-fn device(scene: &Scene, k: usize) -> Vec<(usize, Vec<Reading>)> {
+pub(super) fn device(scene: &Scene, k: usize) -> Vec<(usize, Vec<Reading>)> {
     scene.device(k).map(|reading| (0, vec![reading])).into_iter().collect()
 }
 
@@ -103,7 +106,7 @@ pub(super) fn learnt(without: Option<&str>, seed: u64) -> Result<TrackerSettings
     calibrate(&settings, &clips, CALIBRATION_ROUNDS, Stream::new(seed).fork(CALIBRATION_CLIPS))
 }
 
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
@@ -114,11 +117,12 @@ fn holds(at: [f64; 2], covariance: [[f64; 2]; 2], truth: [f64; 2]) -> bool {
     off[0] * off[0] * c - 2.0 * off[0] * off[1] * b + off[1] * off[1] * a <= WITHIN_95 * (a * c - b * b)
 }
 
-/// Mean of what the operators mark, where any does.
-fn operators(scene: &Scene, k: usize) -> Option<[f64; 2]> {
+/// Mean of what the operators mark, where any does, and how far it is off by their scatter.
+fn operators(scene: &Scene, k: usize) -> (Option<[f64; 2]>, Option<f64>) {
     let marks: Vec<[f64; 2]> = scene.operators(k).into_iter().flatten().collect();
     let n = marks.len() as f64;
-    (!marks.is_empty()).then(|| [0, 1].map(|i| marks.iter().map(|m| m[i]).sum::<f64>() / n))
+    let mean = (!marks.is_empty()).then(|| [0, 1].map(|i| marks.iter().map(|m| m[i]).sum::<f64>() / n));
+    (mean, mean_error(&marks))
 }
 
 /// All filters on a clip.
@@ -183,7 +187,9 @@ pub(super) fn compare(
         for (name, place) in ["thesis-color", "thesis-depth"].into_iter().zip(&step.places[1..]) {
             note(name, place.map(|place| distance(place, truth.hand)));
         }
-        note("operators", operators(scene, k).map(|mean| distance(mean, truth.hand)));
+        let (mean, floor) = operators(scene, k);
+        note("operators", mean.map(|mean| distance(mean, truth.hand)));
+        outcome.floor.push(floor);
     }
     Ok(outcome)
 }
@@ -216,7 +222,7 @@ pub(super) fn sweep(
     for k in 1..scene.len() {
         let frame = scene.frame(k);
         let truth = scene.truth(k).hand;
-        let reference = operators(scene, k).unwrap_or(truth);
+        let reference = operators(scene, k).0.unwrap_or(truth);
         let places = finder.step(&frame, scene.device(k).as_ref(), [None, None])?.places;
         for s in 0..3 {
             // A source that says nothing stays where it was: the thesis has a place in every frame.
@@ -240,40 +246,4 @@ pub(super) fn sweep(
         outcome.fused.push(Some(distance(tracked.fused.at, truth)));
     }
     Ok(outcome)
-}
-
-/// Processor time of the stages of the sound filter and of the whole of the thesis's, frame by frame, milliseconds.
-pub(super) fn timed(
-    scene: &Scene,
-    settings: &TrackerSettings,
-    thesis: &ThesisSettings,
-    frames: usize,
-) -> Result<BTreeMap<&'static str, Vec<f64>>> {
-    let room = scene.background();
-    let lens = scene.camera().colour;
-    let all: Vec<RgbdFrame> = (0..frames.min(scene.len())).map(|k| scene.frame(k)).collect();
-    let mut tracker =
-        PointTracker::start(settings.clone(), (room.clone(), lens), (&all[0], first(scene)), Stream::new(1))?;
-    let mut old = Thesis::start(thesis.clone(), room, first(scene).at, Stream::new(1))?;
-    let mut times: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-    for (k, frame) in all.iter().enumerate().skip(1) {
-        let said = device(scene, k);
-        let said: Vec<(usize, &[Reading])> = said.iter().map(|(s, r)| (*s, r.as_slice())).collect();
-        let begin = cpu_time::ThreadTime::now();
-        let mut last = 0.0;
-        let mut parts = Vec::with_capacity(Stage::ALL.len());
-        tracker.step(frame, &said, &mut |stage| {
-            let now = begin.elapsed().as_secs_f64();
-            parts.push((stage.name(), now - last));
-            last = now;
-        })?;
-        parts.push(("fused", begin.elapsed().as_secs_f64()));
-        let begin = cpu_time::ThreadTime::now();
-        old.step(frame, scene.device(k).as_ref(), [None, None])?;
-        parts.push(("thesis", begin.elapsed().as_secs_f64()));
-        for (name, seconds) in parts {
-            times.entry(name).or_default().push(1000.0 * seconds);
-        }
-    }
-    Ok(times)
 }

@@ -1,8 +1,9 @@
 //! Rows and tables from the clips.
 
-use super::evaluation::{Blocks, Errors, Statistic, best_counts, cumulative, mser5, warm_up};
-use super::settings::{CHOSEN, CONDITIONS, SETTLED, SMOOTH};
-use super::{Cell, ClipOutcome, ERRORS, Outcome, RgbdFusion, SWEEPS, SweepOutcome, Timing};
+use super::evaluation::{Blocks, Errors, Statistic, best_counts, cumulative};
+use super::settings::{CHOSEN, CONDITIONS};
+use super::welch::{Welch, mser5, welch};
+use super::{Cell, ClipOutcome, ERRORS, Outcome, RgbdFusion, SWEEPS, SweepOutcome, Timed, Timing};
 use crate::study::interval::{Estimate, quantile};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
@@ -45,11 +46,18 @@ impl Row {
 /// Which frames of a clip count.
 pub(super) const FRAMES: [&str; 3] = ["all", "occluded", "free"];
 
+/// Sources that are drawn frame by frame.
+pub(super) const IN_TIME: [&str; 5] = ["device", "color", "depth", "fused", "thesis"];
+/// The frame of the first error, counted from 1: filters begin on the one before.
+const FIRST: usize = 2;
+/// The operators' mean's own error.
+pub(super) const FLOOR: &str = "noise_floor";
+
 /// Everything that was computed, ready to be shown.
 pub struct Results<'a> {
     pub(super) experiment: &'a RgbdFusion,
     /// By condition.
-    clips: BTreeMap<usize, Vec<&'a ClipOutcome>>,
+    pub(super) clips: BTreeMap<usize, Vec<&'a ClipOutcome>>,
     /// By number of particles.
     pub(super) sweeps: BTreeMap<usize, Vec<&'a SweepOutcome>>,
     pub(super) timing: Option<&'a Timing>,
@@ -161,6 +169,13 @@ impl<'a> Results<'a> {
                 };
                 rows.extend(blocks.estimate(flag, mean).map(|found| of.row((metric, "pooled"), found)));
             }
+            let floor = |clip: usize, frame: usize| {
+                let there = counts(clips[clip], frame, frames);
+                clips[clip].floor.get(frame).copied().flatten().filter(|_| there)
+            };
+            let found = blocks.estimate(floor, |drawn| Statistic::Rmse.of(drawn));
+            let operators = Of { condition: under.name, frames, source: "operators", particles: CHOSEN };
+            rows.extend(found.map(|found| operators.row(("noise_floor_px", "pooled"), found)));
             let pair = |clip: usize, frame: usize| {
                 let errors = |source: &str| clips[clip].errors.get(source)?.get(frame).copied().flatten();
                 let there = counts(clips[clip], frame, frames);
@@ -214,31 +229,39 @@ impl<'a> Results<'a> {
         for (source, count) in names.into_iter().zip(best) {
             rows.push(of(source).row(("best_count", "pooled"), exact(f64::from(count as u32))));
         }
-        // The thesis's warm-up and improvement: mean over the frames after it of its filter's error over the device's.
-        let warm: Vec<usize> = clips.iter().map(|clip| warm_up(&clip.runs, SMOOTH, SETTLED)).collect();
-        let mser: Vec<usize> = clips.iter().map(|clip| mser5(&clip.squares[3])).collect();
-        let n = clips.len() as f64;
-        let average = |all: &[usize]| exact(all.iter().sum::<usize>() as f64 / n);
-        rows.push(of("thesis").row(("warm_up", "mean"), average(&warm)));
-        rows.push(of("thesis").row(("warm_up_mser5", "mean"), average(&mser)));
+        // The thesis's warm-up and improvement: mean over the frames after it of its filter's error over the
+        // device's.
+        let Some(curve) = self.welch(particles) else { return rows };
+        let mser = mser5(&curve.mean);
+        let settled =
+            curve.settled.map(|frames| of("thesis").row(("warm_up", "pooled"), exact(frames as f64)));
+        rows.extend(settled);
+        rows.push(of("thesis").row(("warm_up_mser5", "pooled"), exact(mser as f64)));
+        let warm = curve.settled.unwrap_or(mser);
         let ratio = |clip: usize, frame: usize| {
             let [ours, device] = [3, 0].map(|source: usize| clips[clip].squares[source].get(frame).copied());
-            Some(1.0 - ours? / device?).filter(|v| v.is_finite() && frame >= warm[clip])
+            Some(1.0 - ours? / device?).filter(|v| v.is_finite() && frame >= warm)
         };
         let found = blocks.estimate(ratio, mean);
         rows.extend(found.map(|found| of("thesis").row(("improvement_of_frames", "pooled"), found)));
         let pair = |clip: usize, frame: usize| {
             let [ours, device] = [3, 0].map(|source: usize| clips[clip].squares[source].get(frame).copied());
-            Some((ours?.sqrt(), device?.sqrt())).filter(|_| frame >= warm[clip])
+            Some((ours?.sqrt(), device?.sqrt())).filter(|_| frame >= warm)
         };
         let found = blocks.estimate(pair, improvement);
         rows.extend(found.map(|found| of("thesis").row(("improvement", "pooled"), found)));
         rows
     }
 
+    /// How the thesis's filter settles: its squared error, averaged over its runs, of every clip.
+    pub(super) fn welch(&self, particles: usize) -> Option<Welch> {
+        let clips = self.sweeps.get(&particles)?;
+        welch(&clips.iter().filter_map(|clip| Some(clip.squares.get(3)?.as_slice())).collect::<Vec<_>>())
+    }
+
     fn times(&self) -> Vec<Row> {
         let mut rows = Vec::new();
-        for ((particles, stage), times) in self.timing.into_iter().flatten() {
+        for Timed { stage, particles, times } in self.timing.into_iter().flatten() {
             let of =
                 Of { condition: CONDITIONS[0].name, frames: "all", source: stage, particles: *particles };
             let all: Vec<usize> = (0..times.len()).collect();
@@ -298,11 +321,66 @@ impl<'a> Results<'a> {
             let rows = self.sweeps.keys().flat_map(|particles| self.of_sweep(*particles)).collect();
             push(SWEEPS, "The thesis's chapter 5: numbers of particles.", rows);
         }
-        push("latency", "Processor time per frame.", self.times());
+        if self.experiment.is_drawn() {
+            push("latency", "Processor time per frame.", self.times());
+        }
+        if asked.contains(ERRORS) {
+            tables.push(self.frame_table());
+        }
         if asked.contains(SWEEPS) {
-            tables.push(self.curve_table());
+            tables.extend([self.curve_table(), self.warm_up_table()]);
         }
         tables
+    }
+
+    /// What every source was off by in every frame of the first clip.
+    fn frame_table(&self) -> Table {
+        let head: Vec<&str> = ["frame"].into_iter().chain(IN_TIME).chain([FLOOR]).collect();
+        let frames = self.clips.get(&0).and_then(|clips| clips.first()).map_or(0, |clip| clip.floor.len());
+        let all = IN_TIME.into_iter().chain([FLOOR]);
+        let lines: Vec<Vec<[f64; 2]>> = all.map(|source| self.in_time(source)).collect();
+        let entry = |line: &Vec<[f64; 2]>, k: usize| {
+            Entry::from(line.iter().find(|point| point[0] == (k + FIRST) as f64).map(|point| point[1]))
+        };
+        let row = |k: usize| -> Vec<Entry> {
+            std::iter::once((k + FIRST).into()).chain(lines.iter().map(|line| entry(line, k))).collect()
+        };
+        let about =
+            "Distances from the truth in the first clip, and the noise floor of the operators' mean, px.";
+        Table::new("table-in-time", about, &head, (0..frames).map(row).collect())
+    }
+
+    /// Frame and distance from the truth of a source in the first clip, where it said something; or the noise
+    /// floor.
+    pub(super) fn in_time(&self, source: &str) -> Vec<[f64; 2]> {
+        let Some(clip) = self.clips.get(&0).and_then(|clips| clips.first()) else { return Vec::new() };
+        let errors = if source == FLOOR { Some(&clip.floor) } else { clip.errors.get(source) };
+        let values = errors.into_iter().flatten().enumerate();
+        values.filter_map(|(k, error)| Some([(k + FIRST) as f64, (*error)?])).collect()
+    }
+
+    fn warm_up_table(&self) -> Table {
+        let mut rows: Vec<Vec<Entry>> = Vec::new();
+        for particles in self.sweeps.keys() {
+            let Some(curve) = self.welch(*particles) else { continue };
+            for (k, mean) in curve.mean.iter().enumerate() {
+                rows.push(vec![
+                    (*particles).into(),
+                    (k + 1).into(),
+                    (*mean).into(),
+                    curve.smooth.get(k).copied().into(),
+                    curve.level.into(),
+                    curve.band.into(),
+                ]);
+            }
+        }
+        let head = ["particles", "frame", "mean", "smoothed", "level", "band"];
+        Table::new(
+            "table-warm-up",
+            "Squared errors of the thesis's filter by Welch's procedure, px².",
+            &head,
+            rows,
+        )
     }
 
     fn curve_table(&self) -> Table {

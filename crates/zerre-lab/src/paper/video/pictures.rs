@@ -2,11 +2,9 @@
 
 use super::settings::{PICTURED, PICTURED_RUN, PICTURED_TRACKERS, PICTURED_WIDTH};
 use super::{VideoTrackers, follow, luck};
-use crate::report::overlay::{Scene, shown};
+use crate::report::overlay::{Scene, pictured, shown};
 use crate::report::study::Picture;
 use std::error::Error;
-use zerre_vision::Image;
-use zerre_vision::frames::folder::png;
 use zerre_vision::tracker::find;
 
 /// A picture of the page with its file.
@@ -18,14 +16,9 @@ pub(super) struct Painted {
 fn painted(tracker: &str, sequence: &str, scene: &Scene) -> Result<Painted, Box<dyn Error>> {
     let number = scene.index + 1;
     let size = shown(scene.frame.size(), PICTURED_WIDTH, PICTURED_WIDTH);
-    let drawn = scene.draw(size)?;
-    let [width, height] = drawn.size();
-    let bytes = png(&Image::new(width, height, drawn.rgb())?)?;
-    let picture = Picture {
-        title: format!("{tracker}, {sequence}, frame {number}"),
-        file: format!("{sequence}-{tracker}-{number}.png").to_lowercase(),
-        size,
-    };
+    let title = format!("{tracker}, {sequence}, frame {number}");
+    let file = format!("{sequence}-{tracker}-{number}.png").to_lowercase();
+    let (picture, bytes) = pictured(&title, &file, &scene.draw(size)?)?;
     Ok(Painted { picture, bytes })
 }
 
