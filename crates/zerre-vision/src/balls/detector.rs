@@ -99,6 +99,9 @@ pub struct Seen {
     pub too_large: usize,
 }
 
+/// Pixels at a look: most of a picture is ground.
+const TOGETHER: usize = 16;
+
 /// Pixels of a row that belong together: from `start` to before `end`.
 #[derive(Clone, Copy, Debug)]
 struct Run {
@@ -119,6 +122,40 @@ impl Runs {
             at = self.0[at].parent;
         }
         at
+    }
+
+    /// Adds the runs of `len` pixels of row `y` from column `first` on; chunks that are blank have none. `above` are
+    /// those of the row before, and then of this one.
+    fn row(
+        &mut self,
+        (y, first, len): (usize, usize, usize),
+        above: &mut Range<usize>,
+        is_blank: impl Fn(usize) -> bool,
+        is_set: impl Fn(usize) -> bool,
+    ) {
+        let (begin, mut open) = (self.0.len(), None);
+        for (k, start) in (0..len).step_by(TOGETHER).enumerate() {
+            if is_blank(k) {
+                if let Some(from) = open.take() {
+                    self.push((y, first + from, first + start), above);
+                }
+                continue;
+            }
+            for x in start..(start + TOGETHER).min(len) {
+                match (is_set(x), open) {
+                    (true, None) => open = Some(x),
+                    (false, Some(from)) => {
+                        self.push((y, first + from, first + x), above);
+                        open = None;
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if let Some(from) = open {
+            self.push((y, first + from, first + len), above);
+        }
+        *above = begin..self.0.len();
     }
 
     /// Adds a run; `above` goes through the runs of the row before.
@@ -276,15 +313,8 @@ impl Detector {
         let mut runs = Runs::default();
         let mut above = 0..0;
         for y in 1..height - 1 {
-            let (row, begin) = (kept.row(y), runs.0.len());
-            let mut x = 1;
-            while let Some(start) = row[x..].iter().position(|set| *set != 0) {
-                let start = x + start;
-                // The frame around the mask is not set.
-                x = start + row[start..].iter().position(|set| *set == 0).unwrap_or(0);
-                runs.push((top + y - 1, left + start - 1, left + x - 1), &mut above);
-            }
-            above = begin..runs.0.len();
+            let row = &kept.row(y)[1..width - 1];
+            runs.row((top + y - 1, left, row.len()), &mut above, |_| false, |x| row[x] != 0);
         }
         Ok(self.parts(frame, runs).blobs)
     }
@@ -310,46 +340,23 @@ impl Detector {
         seen
     }
 
-    /// Set pixels, eight at a look: most of a picture is ground.
+    /// Runs of pixels that differ.
     fn runs(&self, frame: &Frame) -> Runs {
-        const TOGETHER: usize = 8;
-        let (mut runs, mut flags) = (Runs::default(), vec![0_u8; 3 * frame.width()]);
-        let mut above = 0..0;
+        let (mut runs, mut above) = (Runs::default(), 0..0);
         for y in 0..frame.height() {
             let columns = self.ground.columns(y);
-            let first = columns.start;
-            let flags = &mut flags[..3 * columns.len()];
-            let ground = self.ground.picture().row(y)[columns.clone()].as_flattened();
-            let row = frame.row(y)[columns].as_flattened();
-            for ((flag, a), b) in flags.iter_mut().zip(row).zip(ground) {
-                *flag = u8::from(a.abs_diff(*b) > self.level);
-            }
-            let begin = runs.0.len();
-            let mut open = None;
-            for (k, chunk) in flags.chunks(3 * TOGETHER).enumerate() {
-                let x = first + k * TOGETHER;
-                if chunk.iter().fold(0, |any, flag| any | flag) == 0 {
-                    if let Some(start) = open.take() {
-                        runs.push((y, start, x), &mut above);
-                    }
-                    continue;
-                }
-                for (i, pixel) in chunk.chunks(3).enumerate() {
-                    let set = pixel.iter().any(|flag| *flag != 0);
-                    match (set, open) {
-                        (true, None) => open = Some(x + i),
-                        (false, Some(start)) => {
-                            runs.push((y, start, x + i), &mut above);
-                            open = None;
-                        }
-                        _ => {}
-                    }
-                }
-            }
-            if let Some(start) = open {
-                runs.push((y, start, first + flags.len() / 3), &mut above);
-            }
-            above = begin..runs.0.len();
+            let place = (y, columns.start, columns.len());
+            let (row, empty) = (&frame.row(y)[columns.clone()], &self.ground.picture().row(y)[columns]);
+            let (many, none) = (row.as_chunks::<TOGETHER>().0, empty.as_chunks::<TOGETHER>().0);
+            let most = |a: &[[u8; 3]], b: &[[u8; 3]]| {
+                let pairs = a.as_flattened().iter().zip(b.as_flattened());
+                pairs.fold(0, |most, (a, b)| a.abs_diff(*b).max(most))
+            };
+            let is_blank = |k: usize| {
+                many.get(k).zip(none.get(k)).is_some_and(|(row, empty)| most(row, empty) <= self.level)
+            };
+            let is_set = |x: usize| most(&row[x..=x], &empty[x..=x]) > self.level;
+            runs.row(place, &mut above, is_blank, is_set);
         }
         runs
     }
