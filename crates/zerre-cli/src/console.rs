@@ -44,8 +44,8 @@ impl Console {
         self.say(Level::Info, text);
     }
 
-    /// A page that waits for somebody at `address`, which `text` names; who asked for quiet hears the address alone, for
-    /// without it nobody could go on.
+    /// A page that waits for somebody at `address`, which `text` names; who asked for quiet hears the address
+    /// alone, for without it nobody could go on.
     pub fn page(&self, address: &str, text: impl Display) {
         if self.level >= Level::Info {
             self.info(text);

@@ -195,8 +195,8 @@ fn bad_frames_are_counted_and_the_rest_is_followed() {
     assert!(said.contains("none of the frames that were looked at can be read"), "{said}");
 }
 
-/// With a number of balls that is not theirs: fewer are followed, or no more than there are; the thesis counts those that
-/// a frame does not show, and sorts what it sees.
+/// With a number of balls that is not theirs: fewer are followed, or no more than there are; the thesis counts
+/// those that a frame does not show, and sorts what it sees.
 #[test]
 fn a_number_of_balls_may_differ_from_theirs() {
     let inside = folder("count");

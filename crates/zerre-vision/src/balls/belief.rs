@@ -47,8 +47,8 @@ pub struct Known {
 pub struct BallModel {
     /// The motion.
     pub motion: BallMotion,
-    /// Standard deviation of the process noise after a frame: of the velocity (px per frame) with constant velocity,
-    /// of the place (px) with a random walk.
+    /// Standard deviation of the process noise after a frame: of the velocity (px per frame) with constant
+    /// velocity, of the place (px) with a random walk.
     pub process_sd: f64,
     /// Particles, resampling and so on.
     pub filter: Settings,

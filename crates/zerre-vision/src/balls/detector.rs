@@ -37,14 +37,15 @@ const MOST_SHARE: f64 = 0.25;
 
 /// A rim that deviates from a circle by more than this share of its radius is not that of one ball.
 pub(super) const ROUND: f64 = 0.2;
-/// Channels whose shares of the ground's light differ by less than this are those of a shadow, or of a grey ball: one of
-/// which more is left than so many times what the darkest pixels of typical parts keep, this share of them. Of these
-/// no less than a least share is believed.
+/// Channels whose shares of the ground's light differ by less than this are those of a shadow or of a grey ball.
+/// A shadow leaves more light than so many times what the darkest pixels of typical parts keep, this share of
+/// their pixels; these count as keeping no less than a least share.
 const GREY: f64 = 0.12;
 const LIGHTER: f64 = 3.0;
 const DARKEST: f64 = 0.05;
 const LEAST_LIGHT: f64 = 0.03;
-/// Rims of shiny balls are grey as well: what is this near to what is sure belongs to it, in radii of a typical part.
+/// Rims of shiny balls are grey as well: what is this near to what is surely a ball belongs to it, in radii of a
+/// typical part.
 const RIM: f64 = 0.3;
 
 /// What of a part is shadow.
@@ -124,8 +125,8 @@ impl Runs {
         at
     }
 
-    /// Adds the runs of `len` pixels of row `y` from column `first` on; chunks that are blank have none. `above` are
-    /// those of the row before, and then of this one.
+    /// Adds the runs of `len` pixels of row `y` from column `first` on; chunks that are blank have none. `above`
+    /// are those of the row before, and then of this one.
     fn row(
         &mut self,
         (y, first, len): (usize, usize, usize),

@@ -34,9 +34,9 @@ pub struct TrackerSettings {
 }
 
 impl TrackerSettings {
-    /// The defaults of a motion: velocities change by 1.5 px per frame, places by 8 px. Particles are resampled and
-    /// moved with the detection in view, which is exact here and leaves their weights equal (full adaptation: Pitt
-    /// and Shephard 1999).
+    /// The defaults of a motion: velocities change by 1.5 px per frame, places by 8 px. Particles are resampled
+    /// and moved with the detection in view, which is exact here and leaves their weights equal (full adaptation:
+    /// Pitt and Shephard, Journal of the American Statistical Association 94, 1999).
     pub fn of(motion: BallMotion) -> TrackerSettings {
         let process_sd = match motion {
             BallMotion::ConstantVelocity => 1.5,
@@ -294,8 +294,8 @@ impl Tracker {
         all
     }
 
-    /// The discs that a part is made of: those of the balls that claim it, and those that lie in it beside them where
-    /// these explain too few of its pixels.
+    /// The discs that a part is made of: those of the balls that claim it, and those that lie in it beside them
+    /// where these explain too few of its pixels.
     fn apart(
         &self,
         blob: &Blob,

@@ -108,8 +108,9 @@ pub struct Timing {
     filters: Vec<f64>,
 }
 
-/// The filters of the linear model, in the order of rows: blind ones, as the thesis has them, with each resampler, and
-/// one that looks at the measurement: the locally optimal proposal with full adaptation, what `zerre balls` follows with.
+/// The filters of the linear model, in the order of rows: blind ones, as the thesis has them, with each
+/// resampler, and one that looks at the measurement: the locally optimal proposal with full adaptation, what
+/// `zerre balls` follows with.
 const FILTERS: [(&str, Resampling, bool); 5] = [
     ("multinomial", Resampling::Multinomial, false),
     ("residual", Resampling::Residual, false),

@@ -22,9 +22,10 @@ fn the_printed_table_is_whole() {
     assert!(printed.error(7, "green").is_none() && printed.error(5, "blue").is_none());
 }
 
-/// Goals of the linear-Gaussian version, for the filter that looks at the measurement with both motions, and for the
-/// blind systematic one with the random walk: the ratio is a pooled one over 20 draws of three balls, and the upper end of
-/// its interval has to be within the goal. What is above 1 falls with the number of particles, for every filter and motion.
+/// Goals of the linear-Gaussian version, for the filter that looks at the measurement with both motions, and for
+/// the blind systematic one with the random walk: the ratio is a pooled one over 20 draws of three balls, and the
+/// upper end of its interval has to be within the goal. What is above 1 falls with the number of particles, for
+/// every filter and motion.
 #[test]
 fn particles_come_near_the_kalman_floor() {
     let all = rows(&experiment(&["floor"], 4, &[50, 250, 1000], 1));
@@ -49,8 +50,8 @@ fn particles_come_near_the_kalman_floor() {
     }
 }
 
-/// Another seed moves every number, the same one none; distances from the detection fall with the number of particles (those
-/// from the truth have the noise of the detection in them, which no number takes away).
+/// Another seed moves every number, the same one none; distances from the detection fall with the number of
+/// particles (those from the truth have the noise of the detection in them, which no number takes away).
 #[test]
 fn the_table_is_computed() {
     let [one, again, other] = [3, 3, 4].map(|seed| rows(&experiment(&["3.1"], 2, &[50, 1000], seed)));
