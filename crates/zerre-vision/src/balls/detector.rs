@@ -436,17 +436,21 @@ impl Blob {
         let [left, top, right, bottom] = self.borders;
         for y in 1..height - 1 {
             let rows = [y - 1, y, y + 1].map(|y| self.mask.row(y));
-            for x in (1..width - 1).filter(|x| rows[1][*x] != 0) {
+            for x in 1..width - 1 {
+                let around = [rows[1][x - 1], rows[0][x], rows[1][x + 1], rows[2][x]];
+                // Most pixels are inside.
+                if rows[1][x] == 0 || !around.contains(&0) {
+                    continue;
+                }
                 let (px, py) = ((self.corner[0] + x - 1) as f64, (self.corner[1] + y - 1) as f64);
-                let mut edge = |set: u8, unseen: bool, at: [f64; 2]| {
-                    if set == 0 && !unseen {
-                        points.push(at);
-                    }
-                };
-                edge(rows[1][x - 1], left && x == 1, [px, py + 0.5]);
-                edge(rows[0][x], top && y == 1, [px + 0.5, py]);
-                edge(rows[1][x + 1], right && x == width - 2, [px + 1.0, py + 0.5]);
-                edge(rows[2][x], bottom && y == height - 2, [px + 0.5, py + 1.0]);
+                let edges = [
+                    (left && x == 1, [px, py + 0.5]),
+                    (top && y == 1, [px + 0.5, py]),
+                    (right && x == width - 2, [px + 1.0, py + 0.5]),
+                    (bottom && y == height - 2, [px + 0.5, py + 1.0]),
+                ];
+                let seen = around.into_iter().zip(edges).filter(|(set, (unseen, _))| *set == 0 && !unseen);
+                points.extend(seen.map(|(_, (_, at))| at));
             }
         }
         points
