@@ -160,7 +160,7 @@ fn bad_input_is_refused_with_a_way_out() {
         assert!(said.contains(says) && !said.contains("met a bug"), "{line}: {said}");
     }
     // A chequered ground is not plain; its median is.
-    let square = |x: usize, y: usize| if (x / 4 + y / 4) % 2 == 0 { [0; 3] } else { [255; 3] };
+    let square = |x: usize, y: usize| if (x / 4 + y / 4).is_multiple_of(2) { [0; 3] } else { [255; 3] };
     pictures(&inside, (0..3).map(|_| Image::from_fn(64, 48, square)));
     let output = zerre(&inside, "balls clip --out out --force");
     let said = text(&output.stderr);
