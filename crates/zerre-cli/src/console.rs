@@ -44,6 +44,16 @@ impl Console {
         self.say(Level::Info, text);
     }
 
+    /// A page that waits for somebody at `address`, which `text` names; who asked for quiet hears the address
+    /// alone, for without it nobody could go on.
+    pub fn page(&self, address: &str, text: impl Display) {
+        if self.level >= Level::Info {
+            self.info(text);
+        } else {
+            self.say(Level::Error, address);
+        }
+    }
+
     /// What only the hunter of a fault wants.
     pub fn debug(&self, text: impl Display) {
         self.say(Level::Debug, text);

@@ -546,6 +546,26 @@ fn every_second_frame_of_a_video_and_operators_who_label_nothing() {
     );
 }
 
+/// Who asks for quiet still hears where the page is, and that Ctrl-C was heard.
+#[test]
+fn quiet_leaves_the_address() {
+    let here = folder("quiet");
+    pictures(&here, 2);
+    let mut process =
+        command(&here, "label clip --quiet").stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
+    let address = lines.next().unwrap().unwrap();
+    assert!(address.starts_with("http://127.0.0.1:") && !address.contains(' '), "{address}");
+    let server = Server { process, lines, address };
+    let job: Value = serde_json::from_slice(&get(&server, "job")).unwrap();
+    assert_eq!(job["frames"].as_array().unwrap().len(), 2);
+    server.signal("-INT");
+    let Server { mut process, lines, .. } = server;
+    let said: Vec<_> = lines.map_while(Result::ok).collect();
+    assert!(said.iter().all(|line| line.starts_with("stopping after this step")), "{said:?}");
+    assert_eq!(process.wait().unwrap().code(), Some(0));
+}
+
 /// Runs to its refusal; gives what was said.
 fn refused(inside: &Path, line: &str, code: i32) -> String {
     let output = command(inside, line).output().unwrap();

@@ -43,8 +43,9 @@ pub(super) fn filters(workload: &'static str, options: &Options) -> Result<Row> 
     let (frames, detector) = clip()?;
     let seen =
         frames.iter().map(|frame| detector.see(frame).map_err(refused)).collect::<Result<Vec<Seen>>>()?;
-    let filter = Settings { particles: PARTICLES, simd: options.simd, ..Settings::default() };
-    let settings = TrackerSettings { filter, ..TrackerSettings::default() };
+    let defaults = TrackerSettings::default();
+    let filter = Settings { particles: PARTICLES, simd: options.simd, ..defaults.filter.clone() };
+    let settings = TrackerSettings { filter, ..defaults };
     let spent = repeat(options.budget, 3, || {
         let mut tracker = Tracker::new(settings.clone(), Stream::new(1)).map_err(refused)?;
         let cpu = ThreadTime::now();

@@ -1,9 +1,9 @@
 //! What differs from the ground: difference, threshold, connected parts, their areas and centroids.
 
-use super::disc::circle;
 use super::ground::{Ground, GroundFrom};
-use crate::operator::{Neighbours, fill_holes, otsu};
+use crate::operator::{Element, Neighbours, and, dilate, erode, fill_holes, otsu};
 use crate::{Error, Frame, Image, Result};
+use std::f64::consts::PI;
 use std::ops::Range;
 
 /// How balls are told from the ground.
@@ -37,11 +37,27 @@ const MOST_SHARE: f64 = 0.25;
 
 /// A rim that deviates from a circle by more than this share of its radius is not that of one ball.
 pub(super) const ROUND: f64 = 0.2;
-/// Levels between those at which shadows are looked for, and how many there are.
-const STEP: u8 = 16;
-const HIGHER: u8 = 5;
-/// Channels whose shares of the ground's light differ by less than this are those of a shadow.
+/// Channels whose shares of the ground's light differ by less than this are those of a shadow or of a grey ball.
+/// A shadow leaves more light than so many times what the darkest pixels of typical parts keep, this share of
+/// their pixels; these count as keeping no less than a least share.
 const GREY: f64 = 0.12;
+const LIGHTER: f64 = 3.0;
+const DARKEST: f64 = 0.05;
+const LEAST_LIGHT: f64 = 0.03;
+/// Rims of shiny balls are grey as well: what is this near to what is surely a ball belongs to it, in radii of a
+/// typical part.
+const RIM: f64 = 0.3;
+
+/// What of a part is shadow.
+#[derive(Clone, Debug, PartialEq)]
+struct Shadow {
+    /// The least share of the ground's light that is left in it.
+    light: f64,
+    /// Pixels that are sure only in smaller groups than this are noise.
+    grain: Element,
+    /// How far a ball goes beyond what is sure.
+    rim: Element,
+}
 
 /// Finds what is not ground in frames of one size.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +66,10 @@ pub struct Detector {
     level: u8,
     least: usize,
     most: usize,
+    /// Half of the pixels of parts that the samples show whole belong to parts of at least this area.
+    typical: usize,
+    /// Where balls are darker than shadows can be.
+    shadow: Option<Shadow>,
 }
 
 /// A connected part that differs from the ground, its holes filled.
@@ -80,6 +100,9 @@ pub struct Seen {
     pub too_large: usize,
 }
 
+/// Pixels at a look: most of a picture is ground.
+const TOGETHER: usize = 16;
+
 /// Pixels of a row that belong together: from `start` to before `end`.
 #[derive(Clone, Copy, Debug)]
 struct Run {
@@ -100,6 +123,40 @@ impl Runs {
             at = self.0[at].parent;
         }
         at
+    }
+
+    /// Adds the runs of `len` pixels of row `y` from column `first` on; chunks that are blank have none. `above`
+    /// are those of the row before, and then of this one.
+    fn row(
+        &mut self,
+        (y, first, len): (usize, usize, usize),
+        above: &mut Range<usize>,
+        is_blank: impl Fn(usize) -> bool,
+        is_set: impl Fn(usize) -> bool,
+    ) {
+        let (begin, mut open) = (self.0.len(), None);
+        for (k, start) in (0..len).step_by(TOGETHER).enumerate() {
+            if is_blank(k) {
+                if let Some(from) = open.take() {
+                    self.push((y, first + from, first + start), above);
+                }
+                continue;
+            }
+            for x in start..(start + TOGETHER).min(len) {
+                match (is_set(x), open) {
+                    (true, None) => open = Some(x),
+                    (false, Some(from)) => {
+                        self.push((y, first + from, first + x), above);
+                        open = None;
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if let Some(from) = open {
+            self.push((y, first + from, first + len), above);
+        }
+        *above = begin..self.0.len();
     }
 
     /// Adds a run; `above` goes through the runs of the row before.
@@ -132,32 +189,56 @@ impl Detector {
             let needs = "it must not be below the least area";
             return Err(Error::OutOfRange { what: "largest area of a ball", value: most as f64, needs });
         }
-        let mut detector = Detector { ground, level: 0, least, most };
+        let mut detector = Detector { ground, level: 0, least, most, typical: 0, shadow: None };
         detector.level = match settings.level {
             Some(level) => level,
             None => detector.otsu(samples)?.max(LEAST_LEVEL),
         };
+        let mut whole = Vec::new();
+        for sample in samples {
+            let seen = detector.see(sample)?;
+            let parts = seen.blobs.iter().filter(|blob| !blob.clipped);
+            whole.extend(parts.map(|blob| (blob.area, detector.darkest(sample, blob))));
+        }
+        let area = typical(&mut whole, |part, other| part.0.cmp(&other.0)).map_or(0, |part| part.0);
+        detector.typical = area;
+        let by_light = |part: &(usize, f64), other: &(usize, f64)| part.1.total_cmp(&other.1);
+        if let Some((_, darkest)) = typical(&mut whole, by_light) {
+            let light = LIGHTER * darkest.max(LEAST_LIGHT);
+            let rim = 2 * (RIM * (area as f64 / PI).sqrt()).ceil() as usize + 3;
+            if light < 1.0 {
+                let (grain, rim) = (Element::rectangle(3, 3)?, Element::ellipse(rim, rim)?);
+                detector.shadow = Some(Shadow { light, grain, rim });
+            }
+        }
         if settings.least_area.is_none() {
-            let typical = LEAST_SHARE * detector.typical_area(samples)? as f64;
-            detector.least = detector.least.max(typical as usize);
+            detector.least = detector.least.max((LEAST_SHARE * area as f64) as usize);
         }
         Ok(detector)
     }
 
-    /// Half of the pixels of parts that are seen whole belong to parts of at least this area; 0 without a part.
-    fn typical_area(&self, samples: &[Frame]) -> Result<usize> {
-        let mut areas = Vec::new();
-        for sample in samples {
-            areas.extend(self.see(sample)?.blobs.iter().filter(|blob| !blob.clipped).map(|blob| blob.area));
+    /// The share of the ground's light that is left in the darkest pixels of a part.
+    fn darkest(&self, frame: &Frame, blob: &Blob) -> f64 {
+        // Shares up to two, in steps of a 128th.
+        let mut counts = [0_usize; 256];
+        let [left, top] = blob.corner;
+        let all = |pixel: &[u8; 3]| pixel.iter().map(|level| usize::from(*level)).sum::<usize>();
+        for y in top..top + blob.mask.height() - 2 {
+            let columns = left..left + blob.mask.width() - 2;
+            let pixels = frame.row(y)[columns.clone()].iter().zip(&self.ground.picture().row(y)[columns]);
+            for (set, (pixel, empty)) in blob.mask.row(y - top + 1).iter().skip(1).zip(pixels) {
+                if *set != 0 {
+                    counts[(128 * all(pixel) / all(empty).max(1)).min(255)] += 1;
+                }
+            }
         }
-        areas.sort_unstable();
-        let half = areas.iter().sum::<usize>() / 2;
-        let mut sum = 0;
-        let reaches = |area: &&usize| {
-            sum += **area;
-            sum > half
+        let wanted = DARKEST * blob.area as f64;
+        let mut below = 0;
+        let reaches = |count: &usize| {
+            below += count;
+            below as f64 > wanted
         };
-        Ok(areas.iter().find(reaches).copied().unwrap_or(0))
+        counts.iter().position(reaches).map_or(2.0, |at| at as f64 / 128.0)
     }
 
     /// Otsu's level of the largest difference of a channel, every second row and column of the samples.
@@ -192,81 +273,55 @@ impl Detector {
         (self.least, self.most)
     }
 
+    /// Pixels of a typical part in the samples; 0 where they show none whole.
+    pub fn typical_area(&self) -> usize {
+        self.typical
+    }
+
     /// The parts of a frame that differ from the ground.
     ///
     /// # Errors
     /// A frame of another size than the ground.
     pub fn see(&self, frame: &Frame) -> Result<Seen> {
         self.ground.picture().expect_size(frame)?;
-        let mut seen = self.parts(frame, self.level, |y| self.ground.columns(y));
-        let blobs = std::mem::take(&mut seen.blobs);
-        for blob in blobs {
-            match self.without_shadow(frame, &blob) {
-                Some(parts) => seen.blobs.extend(parts),
-                None => seen.blobs.push(blob),
+        let mut seen = self.parts(frame, self.runs(frame));
+        if let Some(shadow) = &self.shadow {
+            for blob in std::mem::take(&mut seen.blobs) {
+                seen.blobs.extend(self.without_shadow(frame, blob, shadow)?);
             }
         }
         Ok(seen)
     }
 
-    /// A part that is not round may be balls with dark shadows between them: its parts at the higher level that shows
-    /// the most of round ones, where these are most of what is left and what is gone is as grey as a shadow. Discs of
-    /// one colour that touch have none at any level, and discs of several colours leave more than shadow behind.
-    fn without_shadow(&self, frame: &Frame, blob: &Blob) -> Option<Vec<Blob>> {
-        let is_round = |blob: &Blob| circle(&blob.outline()).is_some_and(|(_, residual)| residual < ROUND);
-        if is_round(blob) {
-            return None;
-        }
-        let [left, top] = blob.corner;
-        let (width, height) = (blob.mask.width() - 2, blob.mask.height() - 2);
-        let columns = |y: usize| {
-            if !(top..top + height).contains(&y) {
-                return 0..0;
-            }
-            let all = self.ground.columns(y);
-            let (start, end) = (all.start.max(left), all.end.min(left + width));
-            start..end.max(start)
-        };
-        let mut best: Option<(usize, Vec<Blob>)> = None;
-        for step in 1..=HIGHER {
-            let Some(level) = self.level.checked_add(step * STEP) else { break };
-            let mut parts = self.parts(frame, level, columns).blobs;
-            parts.retain(|part| blob.covers(part.centroid));
-            let all: usize = parts.iter().map(|part| part.area).sum();
-            let round: usize = parts.iter().filter(|part| is_round(part)).map(|part| part.area).sum();
-            if 2 * round >= all.max(1)
-                && best.as_ref().is_none_or(|(most, _)| round > *most)
-                && self.is_shadow(frame, blob, &parts)
-            {
-                best = Some((round, parts));
-            }
-        }
-        best.map(|(_, parts)| parts)
-    }
-
-    /// Whether what is in `blob` and in none of `parts` is ground that all channels show darker alike.
-    fn is_shadow(&self, frame: &Frame, blob: &Blob, parts: &[Blob]) -> bool {
-        let ([left, top], mut seen, mut empty) = (blob.corner, [0.0; 3], [0.0; 3]);
-        for y in top..top + blob.mask.height() - 2 {
-            for x in left..left + blob.mask.width() - 2 {
-                let at = [x as f64 + 0.5, y as f64 + 0.5];
-                if blob.mask.row(y - top + 1)[x - left + 1] != 0 && !parts.iter().any(|part| part.covers(at))
-                {
-                    for c in 0..3 {
-                        seen[c] += f64::from(frame.row(y)[x][c]);
-                        empty[c] += f64::from(self.ground.picture().row(y)[x][c]);
-                    }
+    /// What is left of a part without its shadows: pixels as grey as one, and as light, far from all others.
+    fn without_shadow(&self, frame: &Frame, blob: Blob, shadow: &Shadow) -> Result<Vec<Blob>> {
+        let ([left, top], (width, height)) = (blob.corner, blob.mask.size());
+        let mut sure = blob.mask.clone();
+        for y in 1..height - 1 {
+            let columns = left..left + width - 2;
+            let empty = &self.ground.picture().row(top + y - 1)[columns.clone()];
+            let pixels = frame.row(top + y - 1)[columns].iter().zip(empty);
+            for (set, (pixel, empty)) in sure.row_mut(y)[1..].iter_mut().zip(pixels) {
+                if *set != 0 && shadow.may_show(pixel, empty) {
+                    *set = 0;
                 }
             }
         }
-        let shares = [0, 1, 2].map(|c| if empty[c] > 0.0 { seen[c] / empty[c] } else { 1.0 });
-        let (least, most) = shares.iter().fold((1.0, 0.0), |(l, m): (f64, f64), s| (l.min(*s), m.max(*s)));
-        most < 1.0 && most - least < GREY
+        let kept = and(&dilate(&erode(&sure, &shadow.grain), &shadow.rim), &blob.mask)?;
+        if kept == blob.mask {
+            return Ok(vec![blob]);
+        }
+        let mut runs = Runs::default();
+        let mut above = 0..0;
+        for y in 1..height - 1 {
+            let row = &kept.row(y)[1..width - 1];
+            runs.row((top + y - 1, left, row.len()), &mut above, |_| false, |x| row[x] != 0);
+        }
+        Ok(self.parts(frame, runs).blobs)
     }
 
-    /// The parts that differ by more than `level`, in some columns of each row.
-    fn parts(&self, frame: &Frame, level: u8, columns: impl Fn(usize) -> Range<usize>) -> Seen {
-        let mut runs = self.runs(frame, level, columns);
+    /// The parts that runs make.
+    fn parts(&self, frame: &Frame, mut runs: Runs) -> Seen {
         // Runs of each tree, by its root: the first of its runs.
         let mut members: Vec<(usize, usize)> = (0..runs.0.len()).map(|at| (runs.root(at), at)).collect();
         members.sort_unstable();
@@ -286,46 +341,23 @@ impl Detector {
         seen
     }
 
-    /// Set pixels, eight at a look: most of a picture is ground.
-    fn runs(&self, frame: &Frame, level: u8, columns: impl Fn(usize) -> Range<usize>) -> Runs {
-        const TOGETHER: usize = 8;
-        let (mut runs, mut flags) = (Runs::default(), vec![0_u8; 3 * frame.width()]);
-        let mut above = 0..0;
+    /// Runs of pixels that differ.
+    fn runs(&self, frame: &Frame) -> Runs {
+        let (mut runs, mut above) = (Runs::default(), 0..0);
         for y in 0..frame.height() {
-            let columns = columns(y);
-            let first = columns.start;
-            let flags = &mut flags[..3 * columns.len()];
-            let ground = self.ground.picture().row(y)[columns.clone()].as_flattened();
-            let row = frame.row(y)[columns].as_flattened();
-            for ((flag, a), b) in flags.iter_mut().zip(row).zip(ground) {
-                *flag = u8::from(a.abs_diff(*b) > level);
-            }
-            let begin = runs.0.len();
-            let mut open = None;
-            for (k, chunk) in flags.chunks(3 * TOGETHER).enumerate() {
-                let x = first + k * TOGETHER;
-                if chunk.iter().fold(0, |any, flag| any | flag) == 0 {
-                    if let Some(start) = open.take() {
-                        runs.push((y, start, x), &mut above);
-                    }
-                    continue;
-                }
-                for (i, pixel) in chunk.chunks(3).enumerate() {
-                    let set = pixel.iter().any(|flag| *flag != 0);
-                    match (set, open) {
-                        (true, None) => open = Some(x + i),
-                        (false, Some(start)) => {
-                            runs.push((y, start, x + i), &mut above);
-                            open = None;
-                        }
-                        _ => {}
-                    }
-                }
-            }
-            if let Some(start) = open {
-                runs.push((y, start, first + flags.len() / 3), &mut above);
-            }
-            above = begin..runs.0.len();
+            let columns = self.ground.columns(y);
+            let place = (y, columns.start, columns.len());
+            let (row, empty) = (&frame.row(y)[columns.clone()], &self.ground.picture().row(y)[columns]);
+            let (many, none) = (row.as_chunks::<TOGETHER>().0, empty.as_chunks::<TOGETHER>().0);
+            let most = |a: &[[u8; 3]], b: &[[u8; 3]]| {
+                let pairs = a.as_flattened().iter().zip(b.as_flattened());
+                pairs.fold(0, |most, (a, b)| a.abs_diff(*b).max(most))
+            };
+            let is_blank = |k: usize| {
+                many.get(k).zip(none.get(k)).is_some_and(|(row, empty)| most(row, empty) <= self.level)
+            };
+            let is_set = |x: usize| most(&row[x..=x], &empty[x..=x]) > self.level;
+            runs.row(place, &mut above, is_blank, is_set);
         }
         runs
     }
@@ -371,6 +403,30 @@ impl Detector {
     }
 }
 
+impl Shadow {
+    /// Whether a pixel may be ground in a shadow.
+    fn may_show(&self, pixel: &[u8; 3], empty: &[u8; 3]) -> bool {
+        let shares = [0, 1, 2].map(|c| f64::from(pixel[c]) / f64::from(empty[c].max(1)));
+        let (least, most) = shares.iter().fold((2.0, 0.0), |(l, m): (f64, f64), s| (l.min(*s), m.max(*s)));
+        least > self.light && most < 1.0 && most - least < GREY
+    }
+}
+
+/// The part at which parts, in some order, have come to half of their pixels.
+fn typical(
+    parts: &mut [(usize, f64)],
+    order: impl Fn(&(usize, f64), &(usize, f64)) -> std::cmp::Ordering,
+) -> Option<(usize, f64)> {
+    parts.sort_unstable_by(order);
+    let half = parts.iter().map(|part| part.0).sum::<usize>() / 2;
+    let mut sum = 0;
+    let reaches = |part: &&(usize, f64)| {
+        sum += part.0;
+        sum > half
+    };
+    parts.iter().find(reaches).copied()
+}
+
 impl Blob {
     /// Middles of the edges between its pixels and others, in pixels of the frame; those at a border of the ground
     /// are left out: there it goes on unseen.
@@ -380,17 +436,21 @@ impl Blob {
         let [left, top, right, bottom] = self.borders;
         for y in 1..height - 1 {
             let rows = [y - 1, y, y + 1].map(|y| self.mask.row(y));
-            for x in (1..width - 1).filter(|x| rows[1][*x] != 0) {
+            for x in 1..width - 1 {
+                let around = [rows[1][x - 1], rows[0][x], rows[1][x + 1], rows[2][x]];
+                // Most pixels are inside.
+                if rows[1][x] == 0 || !around.contains(&0) {
+                    continue;
+                }
                 let (px, py) = ((self.corner[0] + x - 1) as f64, (self.corner[1] + y - 1) as f64);
-                let mut edge = |set: u8, unseen: bool, at: [f64; 2]| {
-                    if set == 0 && !unseen {
-                        points.push(at);
-                    }
-                };
-                edge(rows[1][x - 1], left && x == 1, [px, py + 0.5]);
-                edge(rows[0][x], top && y == 1, [px + 0.5, py]);
-                edge(rows[1][x + 1], right && x == width - 2, [px + 1.0, py + 0.5]);
-                edge(rows[2][x], bottom && y == height - 2, [px + 0.5, py + 1.0]);
+                let edges = [
+                    (left && x == 1, [px, py + 0.5]),
+                    (top && y == 1, [px + 0.5, py]),
+                    (right && x == width - 2, [px + 1.0, py + 0.5]),
+                    (bottom && y == height - 2, [px + 0.5, py + 1.0]),
+                ];
+                let seen = around.into_iter().zip(edges).filter(|(set, (unseen, _))| *set == 0 && !unseen);
+                points.extend(seen.map(|(_, (_, at))| at));
             }
         }
         points
@@ -398,7 +458,7 @@ impl Blob {
 
     /// The radius of a disc of its area, px.
     pub fn radius(&self) -> f64 {
-        (self.area as f64 / std::f64::consts::PI).sqrt()
+        (self.area as f64 / PI).sqrt()
     }
 
     /// Whether the pixel at a place belongs to it.

@@ -12,7 +12,7 @@ pub mod scene;
 pub mod thesis;
 pub mod tracker;
 
-pub use belief::{BallBelief, BallModel, BallMotion, Known, Spot, Spots};
+pub use belief::{BallBelief, BallModel, BallMotion, Known, Spot};
 pub use detector::{Blob, Detector, DetectorSettings, Seen};
 pub use ground::{Ground, GroundFrom};
 pub use scene::{SCENES, Scene, SceneSettings, TrueBall};

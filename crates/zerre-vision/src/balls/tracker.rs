@@ -34,7 +34,9 @@ pub struct TrackerSettings {
 }
 
 impl TrackerSettings {
-    /// The defaults of a motion: velocities change by 1.5 px per frame, places by 8 px.
+    /// The defaults of a motion: velocities change by 1.5 px per frame, places by 8 px. Particles are resampled
+    /// and moved with the detection in view, which is exact here and leaves their weights equal (full adaptation:
+    /// Pitt and Shephard, Journal of the American Statistical Association 94, 1999).
     pub fn of(motion: BallMotion) -> TrackerSettings {
         let process_sd = match motion {
             BallMotion::ConstantVelocity => 1.5,
@@ -47,7 +49,7 @@ impl TrackerSettings {
             count: None,
             confirm: 4,
             patience: 10,
-            filter: Settings::default(),
+            filter: Settings { lookahead: Some(1.0), ..Settings::default() },
         }
     }
 }
@@ -199,7 +201,7 @@ impl Tracker {
         let at = frame_time(index);
         let foretold: Vec<Known> =
             self.tracks.iter().map(|track| self.model.foretell(&track.belief)).collect();
-        let detections = self.detections(&seen.blobs, &foretold);
+        let detections = self.detections(&seen.blobs, &foretold, detector.typical_area() as f64);
         let pairs = self.pair(&detections, &foretold)?;
         let mut free = vec![true; detections.len()];
         for (place, paired) in pairs.into_iter().enumerate() {
@@ -257,7 +259,7 @@ impl Tracker {
         claims
     }
 
-    fn detections(&mut self, blobs: &[Blob], foretold: &[Known]) -> Vec<Detection> {
+    fn detections(&mut self, blobs: &[Blob], foretold: &[Known], typical: f64) -> Vec<Detection> {
         let claims = self.claims(blobs, foretold);
         let mut all = Vec::new();
         for (blob, claims) in blobs.iter().zip(&claims) {
@@ -266,12 +268,14 @@ impl Tracker {
                 .iter()
                 .map(|at| Disc { centre: foretold[*at].centre, radius: self.tracks[*at].radius })
                 .collect();
-            let known = claims.iter().filter_map(|at| self.tracks[*at].look.map(|(area, _)| area));
-            let largest = known.fold(0.0, f64::max);
+            let areas = || claims.iter().map(|at| self.tracks[*at].look.map(|(area, _)| area));
+            let largest = areas().flatten().fold(0.0, f64::max);
+            // Of balls that were never seen whole, and of a new one, the radius is not known yet.
+            let explained = areas().map(|area| area.unwrap_or(typical)).sum::<f64>().max(typical);
             let is_round = circle(&outline).is_some_and(|(_, residual)| residual < ROUND);
             let fits = largest == 0.0 || (blob.area as f64) < LARGER * largest;
             if !(is_round && fits) {
-                let found = self.apart(blob, &outline, claimed);
+                let found = self.apart(blob, &outline, (claimed, explained));
                 if found.len() > 1 {
                     self.counted.shared += 1;
                     let sd = 3.0 * self.settings.measurement_sd;
@@ -284,13 +288,20 @@ impl Tracker {
                     continue;
                 }
             }
-            all.push(self.alone(blob, &outline, claims, foretold));
+            let whole = !blob.clipped && (is_round || fits);
+            all.push(self.alone((blob, whole), &outline, claims, foretold));
         }
         all
     }
 
-    /// The discs that a part is made of: those of the balls that claim it, and those that lie in it beside them.
-    fn apart(&self, blob: &Blob, outline: &[[f64; 2]], claimed: Vec<Disc>) -> Vec<Fitted> {
+    /// The discs that a part is made of: those of the balls that claim it, and those that lie in it beside them
+    /// where these explain too few of its pixels.
+    fn apart(
+        &self,
+        blob: &Blob,
+        outline: &[[f64; 2]],
+        (mut starts, explained): (Vec<Disc>, f64),
+    ) -> Vec<Fitted> {
         let (width, height) = blob.mask.size();
         let inside: Vec<[f64; 2]> = (0..height)
             .step_by(2)
@@ -298,9 +309,7 @@ impl Tracker {
             .filter(|(x, y)| blob.mask.row(*y)[*x] != 0)
             .map(|(x, y)| [(blob.corner[0] + x) as f64 - 0.5, (blob.corner[1] + y) as f64 - 0.5])
             .collect();
-        let mut starts = claimed;
-        let area: f64 = starts.iter().map(|disc| std::f64::consts::PI * disc.radius * disc.radius).sum();
-        if (blob.area as f64) > LARGER * area {
+        if (blob.area as f64) > LARGER * explained {
             for disc in inscribed(&inside, outline, MOST_TOGETHER) {
                 let beside = |other: &Disc| distance(other.centre, disc.centre) > other.radius;
                 if starts.len() < MOST_TOGETHER && starts.iter().all(beside) {
@@ -319,9 +328,15 @@ impl Tracker {
     }
 
     /// The detection of a part that is one ball.
-    fn alone(&self, blob: &Blob, outline: &[[f64; 2]], claims: &[usize], foretold: &[Known]) -> Detection {
+    fn alone(
+        &self,
+        (blob, whole): (&Blob, bool),
+        outline: &[[f64; 2]],
+        claims: &[usize],
+        foretold: &[Known],
+    ) -> Detection {
         let sd = self.settings.measurement_sd;
-        if !blob.clipped {
+        if whole {
             let look = Some((blob.area as f64, blob.colour));
             return Detection { spot: Spot { at: blob.centroid, sd }, radius: blob.radius(), look };
         }

@@ -58,7 +58,7 @@ pub(super) fn settings(args: &Balls, simd: Simd) -> TrackerSettings {
             particles: args.particles.get() as usize,
             resampling: args.resampling.map_or_else(Resampling::default, Into::into),
             simd,
-            ..Settings::default()
+            ..defaults.filter
         },
         ..defaults
     }

@@ -86,13 +86,14 @@ pub(super) fn run(args: &Label, options: &Global, console: &Console) -> Result<E
     let desk = Desk::new(job.clone(), Arc::clone(&store), picture, move |text: &str| teller.info(text))
         .and_then(|desk| desk.open(args.port))
         .map_err(|error| refused(&error))?;
-    console.info(format_args!(
+    let text = format!(
         "{} frames of {} to be marked ({}) on {}\nCtrl-C closes the job and writes the tables; the same command goes on",
         job.frames.len(),
         job.title,
         job.points.join(", "),
         desk.address
-    ));
+    );
+    console.page(&desk.address, text);
     if has_display() {
         browse(&desk.address);
     }

@@ -16,7 +16,7 @@ pub(super) fn ask(frame: &Frame, console: &Console) -> Result<Rect, Diagnostic> 
     let picture = png(frame).map_err(|error| cannot(error.to_string()))?;
     let size = frame.size();
     let tell = |address: &str| {
-        console.info(format_args!("draw a box about the object on {address} (Ctrl-C leaves)"));
+        console.page(address, format_args!("draw a box about the object on {address} (Ctrl-C leaves)"));
         browse(address);
     };
     let read = move |text: &str| crate::args::bounds(text)?.on_frame(size).map_err(|error| error.to_string());

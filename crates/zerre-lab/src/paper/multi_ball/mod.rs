@@ -21,7 +21,7 @@ use crate::study::world::label;
 use cpu_time::ThreadTime;
 use printed::Printed;
 use serde::{Deserialize, Serialize};
-use settings::{QUICK_PARTICLES, RUNS};
+use settings::{FLOOR_RUNS, QUICK_PARTICLES, RUNS};
 use std::collections::{BTreeMap, BTreeSet};
 use zerre::resample::Resampling;
 use zerre::rng::{Purpose, Stream};
@@ -45,7 +45,7 @@ pub const SETTINGS: SettingsFile =
 pub struct Request {
     /// Tables, of those in [`PAPER`].
     pub tables: BTreeSet<&'static str>,
-    /// Runs of each cell.
+    /// Runs of each cell; the linear model has [`FLOOR_RUNS`] times as many.
     pub runs: usize,
     /// Numbers of particles; those of the printed table where empty.
     pub particles: Vec<usize>,
@@ -108,12 +108,15 @@ pub struct Timing {
     filters: Vec<f64>,
 }
 
-/// The resamplers, in the order of rows.
-const RESAMPLERS: [(&str, Resampling); 4] = [
-    ("multinomial", Resampling::Multinomial),
-    ("residual", Resampling::Residual),
-    ("stratified", Resampling::Stratified),
-    ("systematic", Resampling::Systematic),
+/// The filters of the linear model, in the order of rows: blind ones, as the thesis has them, with each
+/// resampler, and one that looks at the measurement: the locally optimal proposal with full adaptation, what
+/// `zerre balls` follows with.
+const FILTERS: [(&str, Resampling, bool); 5] = [
+    ("multinomial", Resampling::Multinomial, false),
+    ("residual", Resampling::Residual, false),
+    ("stratified", Resampling::Stratified, false),
+    ("systematic", Resampling::Systematic, false),
+    ("adapted", Resampling::Systematic, true),
 ];
 /// The motions of the linear model.
 const MOTIONS: [&str; 2] = ["random-walk", "constant-velocity"];
@@ -150,6 +153,11 @@ impl MultiBall {
         &self.request.particles
     }
 
+    /// Runs of a part.
+    fn runs(&self, part: Part) -> usize {
+        if part == Part::Floor { FLOOR_RUNS * self.request.runs } else { self.request.runs }
+    }
+
     /// The random numbers of a run.
     fn luck(&self, part: Part, run: usize) -> Stream {
         Stream::new(self.seed).fork(label(PAPER.name)).fork(label(part.table())).fork(run as u64)
@@ -175,7 +183,7 @@ impl Experiment for MultiBall {
 
     fn cells(&self) -> Vec<Cell> {
         let parts = Part::ALL.into_iter().filter(|part| self.asks(*part));
-        parts.flat_map(|part| (0..self.request.runs).map(move |run| Cell { part, run })).collect()
+        parts.flat_map(|part| (0..self.runs(part)).map(move |run| Cell { part, run })).collect()
     }
 
     fn key(&self, cell: &Cell) -> String {
@@ -187,7 +195,7 @@ impl Experiment for MultiBall {
         let particles: usize = self.request.particles.iter().sum();
         let each = match cell.part {
             Part::Table => 2000 + READINGS.len() * particles,
-            Part::Floor => RESAMPLERS.len() * MOTIONS.len() * particles,
+            Part::Floor => FILTERS.len() * MOTIONS.len() * particles,
             Part::Identity => 10_000,
         };
         each as u64 / 1000 + 1

@@ -1,11 +1,11 @@
 //! The page.
 
 use super::settings::{
-    BALLS, BURN_IN, FRAMES, LEAST_COMPARED, MEASUREMENT_SD, MEETINGS, PICTURED_FRAMES, SCENE, SPEED,
-    TOLERANCE, VELOCITY_SD, WALK_SD,
+    BALLS, BURN_IN, FLOOR_RUNS, FRAMES, LEAST_COMPARED, MEASUREMENT_SD, MEETINGS, PICTURED_FRAMES, SCENE,
+    SPEED, TOLERANCE, VELOCITY_SD, WALK_SD,
 };
 use super::tables::{Results, Row, title};
-use super::{METHODS, MOTIONS, Part, RESAMPLERS};
+use super::{FILTERS, METHODS, MOTIONS, Part};
 use crate::report::study::{Figure, Grid, Picture, Section, Series, Shown, StudyReport};
 use zerre_vision::balls::thesis::{RATIOS, READINGS};
 
@@ -18,7 +18,10 @@ impl Results<'_> {
     ) -> StudyReport {
         let experiment = self.experiment;
         let facts = [
-            ("Runs per cell", experiment.request.runs.to_string()),
+            (
+                "Runs per cell",
+                format!("{}; of the linear model {FLOOR_RUNS} times as many", experiment.request.runs),
+            ),
             ("Seed", experiment.seed.to_string()),
             (
                 "Clip",
@@ -189,6 +192,7 @@ impl Results<'_> {
 
     fn floor_section(&self) -> Section {
         let rows = self.of_part(Part::Floor);
+        let runs = self.experiment.runs(Part::Floor);
         let mut grids = Vec::new();
         for motion in MOTIONS {
             let of = |filter: &str, particles: usize, metric: &str| {
@@ -200,11 +204,15 @@ impl Results<'_> {
             let mut lines: Vec<Vec<Shown>> = Vec::new();
             for particles in self.experiment.particles() {
                 let mut line: Vec<Shown> = vec![particles.to_string().as_str().into()];
-                line.extend(RESAMPLERS.map(|(name, _)| of(name, *particles, "kalman_ratio").into()));
+                line.extend(FILTERS.map(|(name, ..)| of(name, *particles, "kalman_ratio").into()));
                 lines.push(line);
             }
             let mut head = vec!["particles".to_owned()];
-            head.extend(RESAMPLERS.map(|(name, _)| name.to_owned()));
+            head.extend(FILTERS.map(
+                |(name, _, adapted)| {
+                    if adapted { name.to_owned() } else { format!("blind, {name}") }
+                },
+            ));
             let px = |filter: &str| Shown::from(of(filter, 0, "error_px").map(|e| e.value)).text;
             grids.push(Grid {
                 caption: format!(
@@ -219,13 +227,15 @@ impl Results<'_> {
         }
         Section {
             title: title(Part::Floor).to_owned(),
-            paragraphs: vec![format!(
-                "Three balls, {FRAMES} frames, errors against the truth after frame {BURN_IN}; measurements with \
+            paragraphs: vec![
+                format!(
+                    "{runs} draws of three balls, {FRAMES} frames, errors against the truth after frame {BURN_IN}; measurements with \
                  {MEASUREMENT_SD} px of noise on each axis, random walk of {WALK_SD} px or velocities that change by \
                  {VELOCITY_SD} px per frame. Filters know the model: no estimate has a smaller expected error than the \
-                 Kalman filter's, and what is above 1 is the price of particles. Weighted mean of the particles, \
-                 resampling below half of them effective."
-            )],
+                 Kalman filter's, and what is above 1 is the price of particles. Estimates are weighted means."
+                ),
+                blind_or_adapted(),
+            ],
             tables: grids,
             ..Section::default()
         }
@@ -258,6 +268,14 @@ impl Results<'_> {
             ..Section::default()
         }
     }
+}
+
+fn blind_or_adapted() -> String {
+    "Blind filters are the thesis': particles move by the motion alone and are resampled where fewer than half of them \
+     are effective. With constant velocity a measurement of places says little of velocities, and blind particles pay \
+     for it under every scheme of resampling. `Adapted` is what zerre balls follows with: particles are resampled by how \
+     well they foretell the measurement, then moved with it in view, both exact in this model (Pitt and Shephard 1999)."
+        .to_owned()
 }
 
 fn how_to_read(interrupted: bool) -> Section {

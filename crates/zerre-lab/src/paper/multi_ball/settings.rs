@@ -4,8 +4,10 @@
 /// The text of this file, so that a report can say by which settings, to the letter, it was made.
 pub const SOURCE: &str = include_str!("settings.rs");
 
-/// Runs of each cell: clips, or draws of the linear model.
+/// Runs of each cell.
 pub const RUNS: usize = 20;
+/// Draws of the linear model for each run: they are cheap, and ratios so near to 1 need many.
+pub const FLOOR_RUNS: usize = 5;
 /// Sizes of the short version: the smallest of the printed table and those that goals are set for.
 pub const QUICK_PARTICLES: [usize; 3] = [5, 250, 1000];
 

@@ -1,7 +1,7 @@
 //! Rows and tables from the runs.
 
 use super::settings::{BALLS, MEETINGS};
-use super::{Cell, METHODS, MOTIONS, MultiBall, Outcome, Part, REFERENCES, RESAMPLERS, Timing};
+use super::{Cell, FILTERS, METHODS, MOTIONS, MultiBall, Outcome, Part, REFERENCES, Timing};
 use crate::study::interval::{Bootstraps, Estimate, mean, mean_interval};
 use crate::study::table::{Entry, Table};
 use serde::Serialize;
@@ -23,7 +23,7 @@ pub struct Row {
     pub reference: &'static str,
     /// Motion of the linear model.
     pub motion: &'static str,
-    /// Resampling scheme, `kalman` or `measurement`.
+    /// Resampling scheme of a blind filter, `adapted`, `kalman` or `measurement`.
     pub filter: &'static str,
     /// Scene of balls that meet.
     pub scene: &'static str,
@@ -144,7 +144,7 @@ impl<'a> Results<'a> {
     fn floor(&self) -> Vec<Row> {
         let mut rows = Vec::new();
         let sizes = self.experiment.particles();
-        let per_motion = 2 + RESAMPLERS.len() * sizes.len();
+        let per_motion = 2 + FILTERS.len() * sizes.len();
         let runs = self.column(Part::Floor, 0).len();
         let bootstraps = Bootstraps::new([runs], self.experiment.seed);
         let estimate = |statistic: &dyn Fn(&[usize]) -> f64| bootstraps.estimate(runs, statistic);
@@ -160,7 +160,7 @@ impl<'a> Results<'a> {
             for (at, filter) in ["measurement", "kalman"].into_iter().enumerate() {
                 rows.extend(error(&column(at)).map(|found| Row { filter, ..row("error_px", found) }));
             }
-            for (which, (filter, _)) in RESAMPLERS.into_iter().enumerate() {
+            for (which, (filter, ..)) in FILTERS.into_iter().enumerate() {
                 for (size, particles) in sizes.iter().enumerate() {
                     let squares = column(2 + which * sizes.len() + size);
                     let ratio = estimate(&|picked| (mean(&squares, picked) / mean(&kalman, picked)).sqrt());

@@ -4,16 +4,17 @@ use super::settings::{
     ACCELERATION, BALLS, BURN_IN, FRAMES, MEASUREMENT_SD, MEETING_PARTICLES, MEETINGS, SCENE, SPEED,
     START_SD, VELOCITY_SD, WALK_SD,
 };
-use super::{MultiBall, Outcome, Part, RESAMPLERS};
+use super::{FILTERS, MultiBall, Outcome, Part};
 use crate::balls::{TruthTable, score};
 use crate::study::world::{Problem, Record};
 use cpu_time::ThreadTime;
 use zerre::belief::{Cloud, Gaussian};
-use zerre::filter::{Filter, Kalman, Outcome as Fate, ParticleFilter, Settings};
+use zerre::filter::{Filter, Kalman, Linear, Outcome as Fate, ParticleFilter, Settings};
 use zerre::model::Motion;
 use zerre::model::measurement::Position;
 use zerre::model::motion::{ConstantVelocity, RandomWalk};
 use zerre::model::{GaussianMeasurement, Measurement};
+use zerre::proposal::{Bootstrap, Guided, Proposal};
 use zerre::resample::Resampling;
 use zerre::rng::Stream;
 use zerre::{Error, Time};
@@ -145,8 +146,8 @@ impl MultiBall {
         Ok(Some(Outcome { values, mishaps }))
     }
 
-    /// By motion: mean squares of the measurements and of the Kalman filter, then of particle filters by resampler and
-    /// size.
+    /// By motion: mean squares of the measurements and of the Kalman filter, then of particle filters and
+    /// sizes.
     pub(super) fn floor_run(&self, run: usize, stop: &dyn Fn() -> bool) -> zerre::Result<Option<Outcome>> {
         let luck = self.luck(Part::Floor, run);
         let sensor = Position::<2>::new(MEASUREMENT_SD)?;
@@ -207,29 +208,23 @@ impl MultiBall {
             sum += late(record, &|k| places[k]);
         }
         outcome.values.push(mean(sum));
-        for (which, (_, resampling)) in RESAMPLERS.iter().enumerate() {
+        for (which, (_, resampling, adapted)) in FILTERS.into_iter().enumerate() {
             for particles in &self.request.particles {
                 if stop() {
                     return Ok(false);
                 }
+                let lookahead = adapted.then_some(1.0);
                 let settings =
-                    Settings { particles: *particles, resampling: *resampling, ..Settings::default() };
-                let filter =
-                    ParticleFilter::new(problem.prior, problem.motion.clone(), problem.sensor, settings)?;
-                let mut sum = 0.0;
-                for (ball, record) in (0..).zip(&records) {
-                    let stream = luck.fork(1000 + which as u64).fork(*particles as u64).fork(ball);
-                    let mut cloud: Cloud<N> = filter.start(Time::ZERO, stream)?;
-                    let mut places = Vec::with_capacity(FRAMES);
-                    for (at, z) in record.times.iter().zip(&record.measured) {
-                        let update = filter.step(&mut cloud, *at, Some(z))?;
-                        outcome.mishaps += usize::from(update.outcome == Fate::Degenerate);
-                        let mean = cloud.mean();
-                        places.push([mean[0], mean[1]]);
-                    }
-                    sum += late(record, &|k| places[k]);
-                }
-                outcome.values.push(mean(sum));
+                    Settings { particles: *particles, resampling, lookahead, ..Settings::default() };
+                let luck = luck.fork(1000 + which as u64).fork(*particles as u64);
+                let mishaps = &mut outcome.mishaps;
+                let all = if adapted {
+                    estimates(problem, Guided::<Linear, 2>::new(Linear), settings, &records, luck, mishaps)?
+                } else {
+                    estimates(problem, Bootstrap, settings, &records, luck, mishaps)?
+                };
+                let each = records.iter().zip(&all);
+                outcome.values.push(mean(each.map(|(record, places)| late(record, &|k| places[k])).sum()));
             }
         }
         Ok(true)
@@ -268,4 +263,35 @@ impl MultiBall {
         }
         Ok(Some(outcome))
     }
+}
+
+/// Places of each record by a particle filter with a proposal.
+fn estimates<M, Q, const N: usize>(
+    problem: &Problem<M, Position<2>, N>,
+    proposal: Q,
+    settings: Settings,
+    records: &[Record<N, 2>],
+    luck: Stream,
+    mishaps: &mut usize,
+) -> zerre::Result<Vec<Vec<[f64; 2]>>>
+where
+    M: Motion<N, N> + Clone,
+    Position<2>: Measurement<N, Value = [f64; 2]>,
+    Q: Proposal<N, N, M, Position<2>>,
+{
+    let (prior, motion) = (problem.prior, problem.motion.clone());
+    let filter = ParticleFilter::guided(prior, motion, problem.sensor, proposal, settings)?;
+    let mut all = Vec::new();
+    for (ball, record) in (0..).zip(records) {
+        let mut cloud: Cloud<N> = filter.start(Time::ZERO, luck.fork(ball))?;
+        let mut places = Vec::with_capacity(FRAMES);
+        for (at, z) in record.times.iter().zip(&record.measured) {
+            let update = filter.step(&mut cloud, *at, Some(z))?;
+            *mishaps += usize::from(update.outcome == Fate::Degenerate);
+            let mean = cloud.mean();
+            places.push([mean[0], mean[1]]);
+        }
+        all.push(places);
+    }
+    Ok(all)
 }
