@@ -21,6 +21,24 @@ use crate::{Error, Frame, Image, Result};
 use folders::Entry;
 use std::path::{Path, PathBuf};
 
+/// What is read, each with a line about it.
+pub const KINDS: &[(&str, &str)] = &[
+    (
+        "folder",
+        "folders rgb and depth with pictures of the same numbers; times.csv, camera.json, background_*.png",
+    ),
+    ("tum", "a folder as the TUM RGB-D benchmark has it: rgb.txt, depth.txt or associations.txt"),
+    #[cfg(feature = "mcap")]
+    ("mcap", "MCAP files with pictures of ROS 2 or Foxglove, one topic of colours and one of depth"),
+    #[cfg(not(feature = "mcap"))]
+    ("mcap", "MCAP files; this program is built without them (cargo build --features mcap)"),
+    ("video", "what the program ffmpeg reads: colours alone"),
+    (
+        "camera",
+        "/dev/video0 or the address of a stream, by ffmpeg: colours alone, frames are dropped rather than late",
+    ),
+];
+
 /// How a recording is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordingOptions {
