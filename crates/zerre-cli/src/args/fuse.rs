@@ -12,14 +12,15 @@ Examples:
   zerre fuse recording/ --start 312,240 --room median      no joint file: the point is shown once
   zerre fuse recording/ --calibrate labels.csv --out mine  learn what the sources are like from marked frames ...
   zerre fuse another/ --config mine/fuse.toml              ... and use it
-  zerre fuse bag.mcap --start 312,240                      pictures as ROS 2 and Foxglove record them
+  zerre fuse bag.mcap --start 312,240                      pictures of ROS 2 and Foxglove (with the feature mcap)
   zerre fuse /dev/video0 --start 312,240                   a camera: colours alone, frames are dropped rather than late
   zerre fuse made --without color                          what the rest is worth
   zerre fuse made --preset thesis --steps 1,81             the pictures of its steps
   zerre init fuse > fuse.toml && zerre fuse made --config fuse.toml
 
 A recording is a folder: rgb/ and depth/ with the same numbers, or as the TUM benchmark has it (rgb.txt, depth.txt);
-or an MCAP file. A video file, a camera (/dev/video0) or the address of a stream has colours alone, and needs ffmpeg.
+or an MCAP file, where this program is built with the feature mcap. A video file, a camera (/dev/video0) or the address
+of a stream has colours alone, and needs ffmpeg.
 camera.json in it or above it says how depth is seen from the colour camera. Depth is millimetres unless the camera says.
 Joints: a table with time_s (or frame: the name of its picture, or its place from 0), joint, x, y (px), z (mm, may be
 empty), confidence (0 to 1), and source where there are several; joints.csv in the recording unless --joints names another.

@@ -89,7 +89,7 @@ fn an_interrupted_run_keeps_what_it_has() {
         .spawn()
         .unwrap();
     let since = Instant::now();
-    // The pictures of the first frame's steps are there when it is done.
+    // The pictures of the steps are there when their frame is done.
     while !out.join("run.json").exists() {
         assert!(since.elapsed() < Duration::from_secs(120), "nothing is written");
         std::thread::sleep(Duration::from_millis(10));

@@ -96,7 +96,7 @@ fn joints_of_sources_with_other_rates_are_followed() {
     bad.extend(
         [
             "-7,hand_left,1,1,,1,pose",
-            "1e9,hand_left,1,1,,1,pose",
+            "1000,hand_left,1,1,,1,pose",
             "0.2,hand_left,NaN,1,,1,pose",
             "0.2,hand_left,,,,,pose",
             "0.2,nose,1,1,,1,pose",

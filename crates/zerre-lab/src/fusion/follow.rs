@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 use zerre::Time;
 use zerre::rng::Stream;
+use zerre_vision::Result;
 use zerre_vision::rgbd::background::Background;
 use zerre_vision::rgbd::thesis::{Show, Thesis, ThesisSettings};
 use zerre_vision::rgbd::tracker::{PointTracker, TrackerSettings};
 use zerre_vision::rgbd::{Intrinsics, Reading, RgbdFrame};
-use zerre_vision::{Error, Result};
 
 /// Which filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -287,20 +287,6 @@ impl Follow {
         let Some(last) = self.rows.last() else { return &[] };
         let count = self.rows.iter().rev().take_while(|row| row.frame == last.frame).count();
         &self.rows[self.rows.len() - count..]
-    }
-
-    /// Refuses settings before anything is read.
-    ///
-    /// # Errors
-    /// Settings out of range.
-    pub fn checked(&self) -> Result<()> {
-        self.rules.tracker.checked()?;
-        self.rules.thesis.checked()?;
-        if self.rules.preset == Preset::Thesis && self.rules.tracker.sources.len() > 1 {
-            let problem = "the thesis's filter knows one device".to_owned();
-            return Err(Error::Input { input: "sources".to_owned(), problem });
-        }
-        Ok(())
     }
 }
 

@@ -18,6 +18,7 @@ use zerre_lab::otb::luck;
 use zerre_lab::report::study::{Grid, Shown};
 use zerre_vision::rgbd::background::Background;
 use zerre_vision::rgbd::calibrate::{Marked, calibrate};
+use zerre_vision::rgbd::fusion::Source;
 use zerre_vision::rgbd::recording::{Recording, RecordingOptions};
 use zerre_vision::rgbd::tracker::TrackerSettings;
 use zerre_vision::rgbd::{Intrinsics, Reading, RgbdFrame};
@@ -112,7 +113,7 @@ pub(super) fn learn(
             Some(Marked {
                 room: (room.colour().clone(), room.depth().clone()),
                 lens,
-                first: first(clip.first()?, joint, args)?,
+                first: first(clip.first()?, joint, args, &config.tracker.sources)?,
                 frames: clip.len(),
                 frame,
                 others,
@@ -134,7 +135,7 @@ pub(super) fn learn(
         };
         clips.iter().map(of).sum()
     };
-    let known = |(number, source): (usize, &zerre_vision::rgbd::fusion::Source)| Known {
+    let known = |(number, source): (usize, &Source)| Known {
         source: source.name.clone(),
         sd: source.sd,
         outlier: source.outlier,
@@ -189,14 +190,14 @@ fn moments(
 
 /// From the first frame in which somebody says where the point is to the last one with a mark.
 fn clip<'a>(joint: &str, moments: &'a [Moment], args: &Fuse) -> Option<&'a [Moment]> {
-    let begin = moments.iter().position(|moment| first(moment, joint, args).is_some())?;
+    let begin = moments.iter().position(|moment| first(moment, joint, args, &[]).is_some())?;
     let end = moments.iter().rposition(|moment| moment.marks.contains_key(joint))?;
     (begin < end).then(|| &moments[begin..=end])
 }
 
-fn first(moment: &Moment, joint: &str, args: &Fuse) -> Option<Reading> {
+fn first(moment: &Moment, joint: &str, args: &Fuse, sources: &[Source]) -> Option<Reading> {
     let by_hand = args.start.map(|at| Reading { at, depth_mm: None, confidence: 1.0 });
-    by_hand.or_else(|| super::first(&moment.heard, joint, moment.size))
+    by_hand.or_else(|| super::first(&moment.heard, joint, moment.size, sources))
 }
 
 fn heard<'a>(clip: &'a [Moment], k: usize, joint: &str) -> &'a [(usize, Vec<Reading>)] {

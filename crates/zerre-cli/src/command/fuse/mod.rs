@@ -31,6 +31,7 @@ use zerre_lab::otb::luck;
 use zerre_lab::report::overlay::Film;
 use zerre_vision::frames::folder::png;
 use zerre_vision::rgbd::background::Background;
+use zerre_vision::rgbd::fusion::Source;
 use zerre_vision::rgbd::recording::{Recording, RecordingOptions};
 use zerre_vision::rgbd::thesis::{Picture, Show};
 use zerre_vision::rgbd::{Intrinsics, Reading, RgbdFrame};
@@ -53,13 +54,10 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
         overlay::check(path, options.force)?;
     }
     let opened = open(args)?;
+    opened.config.checked(args.preset)?;
     let reading = RecordingOptions { camera: args.camera.clone(), ..RecordingOptions::default() };
     let mut recording = Recording::open(&args.recording, &reading).map_err(refused)?;
     listen()?;
-    let destination = Destination::of(options, COMMAND, Some(&args.recording))
-        .reading(opened.read.iter().map(PathBuf::as_path).chain([args.recording.as_path()]));
-    let mut folder = Folder::open(&destination, COMMAND)?;
-
     let (camera, expected) = (recording.camera(), recording.expected());
     let live = recording.is_live();
     let (mut room, from, mut feed) = if live {
@@ -86,12 +84,10 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
         clock: if live { Clock::Wall } else { Clock::Processor },
     };
     let stream = luck(options.seed, 0);
-    Follow::new(rules.clone(), lens, stream).checked().map_err(refused)?;
+    let destination = Destination::of(options, COMMAND, Some(&args.recording))
+        .reading(opened.read.iter().map(PathBuf::as_path).chain([args.recording.as_path()]));
+    let mut folder = Folder::open(&destination, COMMAND)?;
     let lesson = match &opened.lesson {
-        Some(_) if from == RoomFrom::Running => {
-            return Err(Diagnostic::usage("--calibrate needs a room that stays as it is")
-                .help("give --room median or --room pictures; what is learnt can be used with another one"));
-        }
         Some(marks) => {
             let of = (args, &reading, options.seed);
             let lesson = learn::learn(of, (&room, lens), (&opened, marks), &mut config, console)?;
@@ -151,7 +147,7 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
             let show: [Option<Show<'_>>; 2] =
                 if wanted { [Some(&mut keep_colour), Some(&mut keep_depth)] } else { [None, None] };
             follow.step(&frame, &room, &heard, show)?;
-            begin(args, &opened.names, &mut follow, (&frame, &room, &heard))?;
+            begin((args, &opened.names), &mut follow, (&frame, &room, &heard), &config.tracker.sources)?;
             Ok(frame)
         });
         if let Some(came) = came {
@@ -205,31 +201,37 @@ pub(super) fn run(args: &Fuse, options: &Global, console: &Console) -> Result<Ex
 
 /// Begins to follow the points that somebody has shown and that are not followed yet.
 fn begin(
-    args: &Fuse,
-    names: &[String],
+    (args, names): (&Fuse, &[String]),
     follow: &mut Follow,
     (frame, room, heard): (&RgbdFrame, &Background, &Heard),
+    sources: &[Source],
 ) -> zerre_vision::Result<()> {
     for joint in names {
         if follow.has(joint) {
             continue;
         }
         let by_hand = args.start.map(|at| Reading { at, depth_mm: None, confidence: 1.0 });
-        if let Some(first) = by_hand.or_else(|| first(heard, joint, frame.colour.size())) {
+        if let Some(first) = by_hand.or_else(|| first(heard, joint, frame.colour.size(), sources)) {
             follow.start(joint, frame, room, first)?;
         }
     }
     Ok(())
 }
 
-/// Where somebody sees a joint on a frame of this size, to begin with.
-fn first(heard: &Heard, joint: &str, (width, height): (usize, usize)) -> Option<Reading> {
-    let inside = |reading: &&Reading| {
+/// Where somebody sees a joint on a frame of this size, to begin with: what the source is known to be off is taken off.
+fn first(heard: &Heard, joint: &str, (width, height): (usize, usize), sources: &[Source]) -> Option<Reading> {
+    let inside = |reading: &Reading| {
         let [x, y] = reading.at;
         let on = (0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y);
         on && reading.confidence > 0.0
     };
-    heard.get(joint)?.iter().flat_map(|(_, readings)| readings).find(inside).copied()
+    let right = |(number, reading): (&usize, &Reading)| {
+        let (offset, deeper) = sources.get(*number).map_or(([0.0; 2], 0.0), |s| (s.offset, s.depth_offset));
+        let at = [0, 1].map(|k| reading.at[k] - offset[k]);
+        Reading { at, depth_mm: reading.depth_mm.map(|z| z - deeper), ..*reading }
+    };
+    let all = heard.get(joint)?.iter().flat_map(|(number, said)| said.iter().map(move |r| (number, r)));
+    all.map(right).find(inside)
 }
 
 fn usual_lens((width, height): (usize, usize)) -> Intrinsics {

@@ -2,7 +2,7 @@
 
 use super::marks::{Marks, marks};
 use super::tables::{self, Joints};
-use crate::args::{Fuse, FusePreset};
+use crate::args::{Fuse, FusePreset, RoomFrom};
 use crate::config::Source as ConfigSource;
 use crate::diagnostic::Diagnostic;
 use schemars::JsonSchema;
@@ -31,6 +31,20 @@ pub(crate) struct FuseConfig {
     pub learnt: Option<Learnt>,
 }
 
+impl FuseConfig {
+    /// Refuses settings before anything is read.
+    pub(super) fn checked(&self, preset: FusePreset) -> Result<(), Diagnostic> {
+        self.tracker.checked().map_err(super::refused)?;
+        self.thesis.checked().map_err(super::refused)?;
+        if preset == FusePreset::Thesis && self.tracker.sources.len() > 1 {
+            let names: Vec<&str> = self.tracker.sources.iter().map(|source| source.name.as_str()).collect();
+            let what = "the thesis's filter knows one device".to_owned();
+            return Err(Diagnostic::new(what).help(format!("there are {}", names.join(", "))));
+        }
+        Ok(())
+    }
+}
+
 /// What sources were learnt from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -44,6 +58,7 @@ pub(crate) struct Learnt {
 }
 
 pub(super) struct Opened {
+    pub recording: PathBuf,
     pub config: FuseConfig,
     pub joints: Joints,
     /// Rows of joints that are not followed.
@@ -94,7 +109,7 @@ pub(super) fn open(args: &Fuse) -> Result<Opened, Diagnostic> {
         marks(path, &names).map(Some)
     };
     let (lesson, truth) = (table(&args.calibrate)?, table(&args.truth)?);
-    Ok(Opened { config, joints, unasked, names, truth, lesson, read })
+    Ok(Opened { recording: args.recording.clone(), config, joints, unasked, names, truth, lesson, read })
 }
 
 /// Refuses what makes no sense together.
@@ -109,6 +124,10 @@ fn refuse_together(args: &Fuse) -> Result<(), Diagnostic> {
     if thesis && args.calibrate.is_some() {
         return Err(Diagnostic::usage("the thesis's filter learns nothing")
             .help("leave --calibrate or --preset thesis out"));
+    }
+    if args.room == Some(RoomFrom::Running) && args.calibrate.is_some() {
+        return Err(Diagnostic::usage("--calibrate needs a room that stays as it is")
+            .help("give --room median or --room pictures; what is learnt can be used with another one"));
     }
     if Frames::is_live(&args.recording.to_string_lossy()) {
         for (given, option, why) in [

@@ -5,7 +5,7 @@ use super::ears::Fate;
 use super::feed::Feed;
 use super::learn::Lesson;
 use super::marks::{Marked, Marks};
-use super::open::{FuseConfig, Opened};
+use super::open::{FuseConfig, Learnt, Opened};
 use crate::Exit;
 use crate::args::{Fuse, FusePreset, Global, RoomFrom};
 use crate::console::Console;
@@ -25,7 +25,7 @@ pub(super) struct Scores {
     all: Vec<Score>,
     /// Frames from which the sources were learnt.
     lesson: BTreeSet<usize>,
-    /// Whether the sources were learnt from these very marks.
+    /// Whether the sources were learnt on this very recording, or from these very marks.
     same: bool,
 }
 
@@ -39,12 +39,16 @@ impl Scores {
     ) -> Scores {
         let marks = opened.truth.clone().or_else(|| opened.lesson.clone());
         let path = marks.as_ref().map(|marks| marks.path.display().to_string());
-        let same = |input: &Input| {
-            let learnt = config.learnt.as_ref().map(|learnt| &learnt.marks_sha256);
-            Some(&input.path) == path.as_ref() && Some(&input.sha256) == learnt
+        let same = |learnt: &Learnt| {
+            let canonical = |path: &Path| path.canonicalize().ok();
+            let here = canonical(&opened.recording);
+            let of_marks = inputs.iter().filter(|input| Some(&input.path) == path.as_ref());
+            (here.is_some() && canonical(Path::new(&learnt.recording)) == here)
+                || of_marks.into_iter().any(|input| input.sha256 == learnt.marks_sha256)
         };
         Scores {
-            same: inputs.iter().any(same),
+            // What is learnt now is known frame by frame.
+            same: lesson.is_none() && config.learnt.as_ref().is_some_and(same),
             marks,
             all: opened
                 .names
@@ -86,13 +90,14 @@ impl Scores {
             let marked: Marked = self.marks.as_ref().and_then(marked).unwrap_or_default();
             score.floor = marked.floor;
             score.about = marked.about();
-            let inside = self.in_sample(score);
-            if inside > 0 {
-                score.about += &format!(
-                    " In-sample: the sources were learnt from {inside} of these frames, so that other recordings will \
-                     be followed less well."
-                );
-            }
+            let from = match self.in_sample(score) {
+                0 => continue,
+                _ if self.same => "on this recording".to_owned(),
+                count => format!("from {count} of these frames"),
+            };
+            score.about += &format!(
+                " In-sample: the sources were learnt {from}, and others will be followed less well."
+            );
         }
         all.retain(|score| !score.errors.is_empty());
         all
