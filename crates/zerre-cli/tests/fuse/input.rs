@@ -78,8 +78,9 @@ fn an_interrupted_run_keeps_what_it_has() {
             "--particles",
             "200000",
             "--json",
+            // The point begins in the first frame; the second has steps.
             "--steps",
-            "1",
+            "2",
             "--preset",
             "thesis",
         ])
