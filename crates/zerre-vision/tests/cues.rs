@@ -2,7 +2,7 @@
 
 use zerre::Time;
 use zerre::rng::{Purpose, Stream};
-use zerre_vision::rgbd::cue::{ArmEnd, ColourCue, Search, View, light};
+use zerre_vision::rgbd::cue::{ArmEnd, ColourCue, Light, Room, Search, View, light};
 use zerre_vision::rgbd::{Depth, Intrinsics, NO_DEPTH, RgbdFrame};
 use zerre_vision::{Frame, Image};
 
@@ -36,7 +36,26 @@ impl Arm {
     }
 }
 
-fn scene(arm: &Arm, gain: f64, noise: bool) -> (RgbdFrame, Frame, Depth) {
+/// A frame before its room.
+struct Drawn {
+    frame: RgbdFrame,
+    room: Room,
+    light: Light,
+}
+
+impl Drawn {
+    fn new(frame: RgbdFrame, room: Frame, room_depth: Depth) -> Drawn {
+        let room = Room::new(room, room_depth).unwrap();
+        Drawn { light: Light::of(&frame.colour, &room), frame, room }
+    }
+
+    fn view(&self) -> View<'_> {
+        let Drawn { frame, room, light } = self;
+        View { colour: &frame.colour, depth: &frame.depth, room, lens: LENS, light }
+    }
+}
+
+fn scene(arm: &Arm, gain: f64, noise: bool) -> Drawn {
     let mut draws = Stream::new(7).draws(Purpose::Other, 0, 0);
     let mut level = |v: u8| {
         let off = if noise { 3.0 * draws.normal() } else { 0.0 };
@@ -59,12 +78,7 @@ fn scene(arm: &Arm, gain: f64, noise: bool) -> (RgbdFrame, Frame, Depth) {
         }
     }
     let frame = RgbdFrame { index: 0, name: "0".to_owned(), time: Time::ZERO, colour, depth };
-    (frame, Image::filled(SIZE.0, SIZE.1, WALL), Image::filled(SIZE.0, SIZE.1, 3000))
-}
-
-fn view<'a>((frame, room, room_depth): &'a (RgbdFrame, Frame, Depth)) -> View<'a> {
-    let gain = light(&frame.colour, room);
-    View { colour: &frame.colour, depth: &frame.depth, room, room_depth, lens: LENS, gain }
+    Drawn::new(frame, Image::filled(SIZE.0, SIZE.1, WALL), Image::filled(SIZE.0, SIZE.1, 3000))
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -79,7 +93,7 @@ const BEFORE: Arm = Arm { from: [195.0, 150.0, 1990.0], to: [150.0, 250.0, 1700.
 fn the_arm_ends_at_the_hand() {
     for arm in [ASIDE, BEFORE] {
         let scene = scene(&arm, 1.0, false);
-        let found = ArmEnd::default().candidates(&view(&scene), None);
+        let found = ArmEnd::default().candidates(&scene.view(), None);
         let best = found.iter().map(|r| distance(r.at, arm.hand())).fold(f64::INFINITY, f64::min);
         // A palm is sought 110 mm from the tip, about 29 pixels of this arm: 14 from the middle of its last 30. Half a
         // cell and what the last cells' edges lack of it are added.
@@ -94,14 +108,14 @@ fn colours_show_the_hand_in_any_light() {
     assert!(cue.colours.is_empty());
     let hand = ASIDE.hand();
     let search = |at: [f64; 2]| Search { at, side: 141, step: 1, depth: Some([1950.0, 30.0]) };
-    assert!(cue.candidates(&view(&first), &search(hand), 4).is_empty(), "nothing is known of it");
-    cue.colours.learn(&view(&first), hand, 10.5, Some(1955.0));
+    assert!(cue.candidates(&first.view(), &search(hand), 4).is_empty(), "nothing is known of it");
+    cue.colours.learn(&first.view(), hand, 10.5, Some(1955.0));
     for (arm, gain) in [(ASIDE, 1.0), (ASIDE, 0.75), (BEFORE, 1.25)] {
         let scene = scene(&arm, gain, true);
         let depth = if gain > 1.0 { 1720.0 } else { 1955.0 };
         let hand = arm.hand();
         let search = Search { depth: Some([depth, 30.0]), ..search([hand[0] + 20.0, hand[1] - 10.0]) };
-        let found = cue.candidates(&view(&scene), &search, 4);
+        let found = cue.candidates(&scene.view(), &search, 4);
         assert!(!found.is_empty() && distance(found[0].at, hand) < 3.0, "{gain}: {found:?} {hand:?}");
         assert!((found[0].depth_mm.unwrap() - depth).abs() < 60.0);
     }
@@ -111,8 +125,8 @@ fn colours_show_the_hand_in_any_light() {
 #[test]
 fn light_is_measured_beside_the_person() {
     for gain in [0.75, 1.0, 1.3] {
-        let (frame, room, _) = scene(&BEFORE, gain, true);
-        for found in light(&frame.colour, &room) {
+        let Drawn { frame, room, .. } = scene(&BEFORE, gain, true);
+        for found in light(&frame.colour, room.colour()) {
             // Levels are cut to whole ones: half a level of 150 at most, beside the noise of a median.
             assert!((f64::from(found) - gain).abs() < 0.01, "{found} {gain}");
         }
@@ -121,22 +135,21 @@ fn light_is_measured_beside_the_person() {
 
 #[test]
 fn nothing_is_found_where_nothing_is() {
-    let (frame, room, room_depth) = scene(&ASIDE, 1.0, false);
+    let Drawn { frame, room, .. } = scene(&ASIDE, 1.0, false);
+    let (room, room_depth) = (room.colour().clone(), room.depth().clone());
     let nothing = Depth::filled(SIZE.0, SIZE.1, NO_DEPTH);
     let search = Search { at: [-50.0, 900.0], side: 141, step: 1, depth: Some([2000.0, 50.0]) };
+    let without_depth = RgbdFrame { depth: nothing.clone(), ..frame.clone() };
+    let only_room = RgbdFrame { colour: room.clone(), depth: room_depth.clone(), ..frame.clone() };
     let scenes = [
-        (RgbdFrame { depth: nothing.clone(), ..frame.clone() }, room.clone(), room_depth.clone()),
-        (frame.clone(), room.clone(), nothing.clone()),
-        (
-            RgbdFrame { colour: room.clone(), depth: room_depth.clone(), ..frame.clone() },
-            room.clone(),
-            room_depth,
-        ),
+        Drawn::new(without_depth, room.clone(), room_depth.clone()),
+        Drawn::new(frame, room.clone(), nothing),
+        Drawn::new(only_room, room, room_depth),
     ];
     for scene in &scenes {
-        assert!(ArmEnd::default().candidates(&view(scene), None).is_empty());
+        assert!(ArmEnd::default().candidates(&scene.view(), None).is_empty());
         let mut cue = ColourCue::default();
-        cue.colours.learn(&view(scene), [400.0, -3.0], 10.0, None);
-        assert!(cue.candidates(&view(scene), &search, 4).is_empty());
+        cue.colours.learn(&scene.view(), [400.0, -3.0], 10.0, None);
+        assert!(cue.candidates(&scene.view(), &search, 4).is_empty());
     }
 }

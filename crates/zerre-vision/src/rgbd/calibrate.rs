@@ -31,6 +31,10 @@ const LEAST_DEPTH_SD: f64 = 5.0;
 const PRIOR: [f64; 2] = [1.0, 4.0];
 /// Rounds of the algorithm at most.
 const ROUNDS: usize = 200;
+/// A tracker whose answer is farther from the marks than this share of its window is astray ...
+const ASTRAY: f64 = 0.25;
+/// ... and is shown the point again after so many such frames: what a cue says elsewhere is not what is learnt.
+const PATIENCE: usize = 5;
 
 /// The source's offset, standard deviations and probability of an outlier by expectation and maximisation (Dempster, Laird
 /// and Rubin 1977) of the mixture that [`fusion`](super::fusion) uses; what is not said anything of stays as it was.
@@ -129,12 +133,16 @@ pub fn calibrate(
     for _ in 0..rounds {
         settings.reference_sd = 0.0;
         let mut observed: Vec<Vec<Observed>> = vec![Vec::new(); settings.all_sources().count()];
-        let mut floors: Vec<f64> = Vec::new();
+        let mut floors = Vec::new();
+        let reach = ASTRAY * settings.window as f64;
         for clip in clips {
             let mut misses = Vec::new();
-            let first = (clip.frame)(0)?;
-            let room = (clip.room.clone(), clip.lens);
-            let mut tracker = PointTracker::start(settings.clone(), room, (&first, clip.first), stream)?;
+            let start = |frame: &RgbdFrame, at: Reading| {
+                let room = (clip.room.clone(), clip.lens);
+                PointTracker::start(settings.clone(), room, (frame, at), stream)
+            };
+            let mut tracker = start(&(clip.frame)(0)?, clip.first)?;
+            let mut astray = 0;
             for k in 1..clip.frames {
                 let frame = (clip.frame)(k)?;
                 let others = (clip.others)(k);
@@ -142,13 +150,25 @@ pub fn calibrate(
                     others.iter().map(|(s, r)| (*s, r.as_slice())).collect();
                 let tracked = tracker.step(&frame, &others, &mut |_| ())?;
                 let Some((truth, truth_mm)) = (clip.truth)(k) else { continue };
-                for (all, said) in observed.iter_mut().zip(tracked.said) {
-                    if let Some(Said { readings, area }) = said {
+                let looked = tracked.search.holds(truth, frame.colour.size());
+                for ((all, said), source) in observed.iter_mut().zip(tracked.said).zip(settings.all_sources())
+                {
+                    // A cue that did not look there cannot have found it.
+                    if let Some(Said { readings, area }) = said.filter(|_| looked || !source.sees) {
                         all.push(Observed { readings, area, truth, truth_mm });
                     }
                 }
+                let off = [0, 1].map(|i| tracked.fused.at[i] - truth[i]);
                 if !tracked.fused.is_lost() {
-                    misses.push((tracked.fused.covariance, [0, 1].map(|i| tracked.fused.at[i] - truth[i])));
+                    misses.push((tracked.fused.covariance, off));
+                }
+                astray = if off[0].hypot(off[1]) > reach { astray + 1 } else { 0 };
+                let (width, height) = frame.colour.size();
+                let shown =
+                    (0.0..=width as f64).contains(&truth[0]) && (0.0..=height as f64).contains(&truth[1]);
+                if astray >= PATIENCE && shown {
+                    astray = 0;
+                    tracker = start(&frame, Reading { at: truth, depth_mm: truth_mm, confidence: 1.0 })?;
                 }
             }
             floors.push(floor(&misses));
@@ -157,9 +177,8 @@ pub fn calibrate(
         for (source, observed) in sources.zip(&observed) {
             *source = learn(source, observed);
         }
-        // Of each clip by itself: what is enough for all frames together is too little for half of the clips.
-        let clips = floors.len().max(1) as f64;
-        settings.reference_sd = floors.into_iter().sum::<f64>() / clips;
+        // Their mean: the quantile of all frames together hangs on the worst clip.
+        settings.reference_sd = floors.iter().sum::<f64>() / clips.len().max(1) as f64;
     }
     Ok(settings)
 }

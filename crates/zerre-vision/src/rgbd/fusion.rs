@@ -218,6 +218,14 @@ struct Particle {
     hidden: bool,
 }
 
+/// A point that may be anywhere in a frame, about a depth.
+fn anywhere(frame: [f64; 2], depth: f64) -> [Axis; 3] {
+    std::array::from_fn(|k| match k {
+        0 | 1 => Axis::still(frame[k] / 2.0, frame[k] / 12_f64.sqrt(), JUMP_SPEED[k]),
+        _ => Axis::still(depth, JUMP_DEPTH, JUMP_SPEED[k]),
+    })
+}
+
 /// What is known after a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fused {
@@ -263,8 +271,8 @@ pub struct Fusion {
 }
 
 impl Fusion {
-    /// A filter of a point that is at `at` (pixels, millimetres where known) with a standard deviation of `sd` pixels, in
-    /// frames of this size.
+    /// A filter of a point that is at `first` with a standard deviation of `sd` pixels, as sure as that is; else it may be
+    /// anywhere in frames of this size.
     ///
     /// # Errors
     /// Settings or sources out of range, a first place that is not finite.
@@ -283,12 +291,19 @@ impl Fusion {
             first.depth_mm.map_or(Axis::still(2000.0, 1000.0, 300.0), |z| Axis::still(z, 50.0, 300.0));
         let [x, y] = first.at.map(|v| Axis::still(v, sd, 100.0));
         let n = settings.particles;
+        let frame = [frame.0 as f64, frame.1 as f64];
+        let there = Particle { axes: [x, y, depth], hidden: false };
+        let elsewhere = Particle { axes: anywhere(frame, depth.mean[0]), hidden: false };
+        // As many particles hold the first place to be right as it is sure, at least one.
+        let sure = ((first.confidence * n as f64).round() as usize).clamp(1, n);
+        let mut particles = vec![elsewhere; n];
+        particles[..sure].fill(there);
         Ok(Fusion {
-            frame: [frame.0 as f64, frame.1 as f64],
+            frame,
             stream,
             time,
             step: 0,
-            particles: vec![Particle { axes: [x, y, depth], hidden: false }; n],
+            particles,
             weights: vec![1.0 / n as f64; n],
             trust: Vec::new(),
             resampler: Resampler::new(Resampling::Systematic),
@@ -443,14 +458,7 @@ impl Fusion {
             let mut draws = self.stream.draws(Purpose::Mode, self.step, i as u32);
             let hidden = particle.hidden;
             let moved = self.moved(particle, dt);
-            let depth = moved.axes[2].mean[0];
-            let anywhere: [Axis; 3] = std::array::from_fn(|k| {
-                if k < 2 {
-                    Axis::still(self.frame[k] / 2.0, self.frame[k] / 12_f64.sqrt(), JUMP_SPEED[k])
-                } else {
-                    Axis::still(depth, JUMP_DEPTH, JUMP_SPEED[k])
-                }
-            });
+            let anywhere = anywhere(self.frame, moved.axes[2].mean[0]);
             let stays = if hidden { 0.5 * returns } else { (1.0 - hides) * (1.0 - jumps) };
             let turns_up = if hidden { 0.5 * returns } else { (1.0 - hides) * jumps };
             let mut branches = [

@@ -2,7 +2,7 @@
 //! that has been said of it is fused.
 
 use super::background::Background;
-use super::cue::{ArmEnd, ColourCue, Others, Search, View, light};
+use super::cue::{ArmEnd, ColourCue, Light, Others, Room, Search, View};
 use super::fusion::{Evidence, Fused, Fusion, FusionSettings, Source};
 use super::{Depth, Intrinsics, NO_DEPTH, Reading, RgbdFrame};
 use crate::{Error, Frame, Result};
@@ -132,7 +132,7 @@ impl Stage {
 pub struct PointTracker {
     settings: TrackerSettings,
     lens: Intrinsics,
-    room: (Frame, Depth),
+    room: Room,
     /// What is seen of depth where it is not used.
     blind: Option<Depth>,
     fusion: Fusion,
@@ -150,6 +150,8 @@ const FIRST_SD: f64 = 10.0;
 const KNOWN: f64 = 0.35;
 /// Probability of being lost above which nothing is learnt.
 const DOUBTFUL: f64 = 0.1;
+/// A source is trusted above this probability that it is right.
+const AGREES: f64 = 0.8;
 /// Candidates of a cue at most.
 const CANDIDATES: usize = 4;
 /// Windows that are so many times as large are looked at more coarsely.
@@ -160,16 +162,6 @@ const EVERYWHERE: u64 = 3;
 const REACH: f64 = 2.5;
 /// Radius of a palm, millimetres.
 const PALM: f64 = 40.0;
-
-/// A frame beside its room, as far as the cues may see it.
-fn view<'a>(
-    (room, blind, lens): (&'a (Frame, Depth), &'a Option<Depth>, Intrinsics),
-    frame: &'a RgbdFrame,
-    gain: [f32; 3],
-) -> View<'a> {
-    let [depth, room_depth] = [&frame.depth, &room.1].map(|depth| blind.as_ref().unwrap_or(depth));
-    View { colour: &frame.colour, depth, room: &room.0, room_depth, lens, gain }
-}
 
 impl PointTracker {
     /// A tracker of the point that is at `first` on `frame`, before an empty room (its depth [`NO_DEPTH`] where unknown).
@@ -194,6 +186,7 @@ impl PointTracker {
             return Err(Error::Input { input: "the first place".to_owned(), problem });
         }
         let blind = settings.depth.is_none().then(|| Depth::filled(size.0, size.1, NO_DEPTH));
+        let room = Room::new(room.0, blind.clone().unwrap_or(room.1))?;
         let first = Reading { depth_mm: first.depth_mm.filter(|_| settings.depth.is_some()), ..first };
         let sources = settings.all_sources().cloned().collect();
         let fusion =
@@ -210,9 +203,10 @@ impl PointTracker {
             lost: false,
             steps: 0,
         };
-        if tracker.settings.colour.is_some() {
-            let gain = light(&frame.colour, &tracker.room.0);
-            tracker.learn(frame, gain, first.at, first.depth_mm);
+        // Somebody has shown the point, where there is no source that may be wrong.
+        if tracker.settings.colour.is_some() && tracker.settings.sources.is_empty() {
+            let light = Light::of(&frame.colour, &tracker.room);
+            tracker.learn(frame, &light, first.at, first.depth_mm);
         }
         Ok(tracker)
     }
@@ -227,10 +221,13 @@ impl PointTracker {
     /// # Errors
     /// A room of another size.
     pub fn see_room(&mut self, room: &Background) -> Result<()> {
-        self.room.0.expect_size(room.colour())?;
+        self.room.colour().expect_size(room.colour())?;
+        let depth = self.blind.as_ref().unwrap_or(room.depth());
         // A room that is not learnt is the same picture all along.
-        if self.room.0.pixels() != room.colour().pixels() || self.room.1.pixels() != room.depth().pixels() {
-            self.room = (room.colour().clone(), room.depth().clone());
+        if self.room.colour().pixels() != room.colour().pixels()
+            || self.room.depth().pixels() != depth.pixels()
+        {
+            self.room = Room::new(room.colour().clone(), depth.clone())?;
         }
         Ok(())
     }
@@ -245,10 +242,19 @@ impl PointTracker {
         PALM * self.lens.focal[0] / depth.unwrap_or(2000.0).max(300.0)
     }
 
-    fn learn(&mut self, frame: &RgbdFrame, gain: [f32; 3], at: [f64; 2], depth: Option<f64>) {
-        let view = view((&self.room, &self.blind, self.lens), frame, gain);
+    fn learn(&mut self, frame: &RgbdFrame, light: &Light, at: [f64; 2], depth: Option<f64>) {
+        let seen = self.blind.as_ref().unwrap_or(&frame.depth);
+        let view = View { colour: &frame.colour, depth: seen, room: &self.room, lens: self.lens, light };
         let radius = self.radius(depth);
         self.colour.colours.learn(&view, at, radius, depth);
+    }
+
+    /// Whether colours may be learnt where the point is: at first only where two sources agree, if there are two beside the
+    /// colours, as one may be wrong for long.
+    fn agrees(&self, fused: &Fused) -> bool {
+        let others = self.settings.sources.len() + usize::from(self.settings.depth.is_some());
+        let trusted = fused.trust.iter().flatten().filter(|trust| **trust > AGREES).count();
+        !self.colour.colours.is_empty() || trusted >= others.min(2)
     }
 
     /// A frame, with what the sources beside the cues say: the number of the source, from 0, and its readings. One that
@@ -263,8 +269,8 @@ impl PointTracker {
         others: &[(usize, &[Reading])],
         done: &mut dyn FnMut(Stage),
     ) -> Result<Tracked> {
-        self.room.0.expect_size(&frame.colour)?;
-        self.room.0.expect_size(&frame.depth)?;
+        self.room.colour().expect_size(&frame.colour)?;
+        self.room.colour().expect_size(&frame.depth)?;
         let (width, height) = frame.colour.size();
         let (at, sd, depth) = self.fusion.foretell(frame.time);
         let at = [at[0].clamp(0.0, width as f64), at[1].clamp(0.0, height as f64)];
@@ -273,8 +279,10 @@ impl PointTracker {
         let uses_depth = self.settings.depth.is_some();
         let step = side / (COARSE * self.settings.window) + 1;
         let search = Search { at, side, step, depth: uses_depth.then_some(depth) };
-        let gain = light(&frame.colour, &self.room.0);
-        let view = view((&self.room, &self.blind, self.lens), frame, gain);
+        let light = Light::of(&frame.colour, &self.room);
+        let seen = self.blind.as_ref().unwrap_or(&frame.depth);
+        let view =
+            View { colour: &frame.colour, depth: seen, room: &self.room, lens: self.lens, light: &light };
         done(Stage::Light);
         let mut said: Vec<Option<Said>> = vec![None; self.settings.sources.len()];
         for &(source, readings) in others {
@@ -302,7 +310,8 @@ impl PointTracker {
             let mut readings = self.colour.candidates(&view, &search, CANDIDATES);
             candidates.extend_from_slice(&readings);
             self.rest.remove(&mut readings, expected, REACH * radius);
-            said.push(Some(Said { readings, area }));
+            // Who knows no colours yet has not looked.
+            said.push((!self.colour.colours.is_empty()).then_some(Said { readings, area }));
         }
         done(Stage::Colour);
         if uses_depth {
@@ -335,8 +344,9 @@ impl PointTracker {
             (fused.p_lost < DOUBTFUL).then_some(fused.at),
             REACH * radius,
         );
-        if self.settings.colour.is_some() && fused.p_lost < DOUBTFUL && spread < KNOWN * radius {
-            self.learn(frame, gain, fused.at, deep);
+        let known = fused.p_lost < DOUBTFUL && spread < KNOWN * radius;
+        if self.settings.colour.is_some() && known && self.agrees(&fused) {
+            self.learn(frame, &light, fused.at, deep);
         }
         done(Stage::Learning);
         let [z, variance] = fused.depth;

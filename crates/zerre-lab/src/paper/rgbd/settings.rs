@@ -19,9 +19,9 @@ pub const CHOSEN: usize = 150;
 /// Runs of the thesis's filter for each number, as in the thesis.
 pub const SWEEP_RUNS: usize = 20;
 /// Clips that sources are learnt from; they share no value with the clips above.
-pub const CALIBRATION_CLIPS: u64 = 3;
+pub const CALIBRATION_CLIPS: u64 = 12;
 /// Times that the calibration clips are gone through.
-pub const CALIBRATION_ROUNDS: usize = 3;
+pub const CALIBRATION_ROUNDS: usize = 2;
 /// Of a curve's range, what it may leave its level by when it has settled.
 pub const SETTLED: f64 = 0.05;
 /// Frames on both sides over which a curve is smoothed before.

@@ -1,13 +1,11 @@
 //! The hand by its colours: how much more often a colour is the hand's than something else's (Swain and Ballard,
 //! International Journal of Computer Vision 7, 1991), summed over discs of a palm's size, refined by the mean shift.
 
-use super::{PALM, Search, View, Window, is_before_room};
+use super::{BINS, PALM, Search, View, Window, is_before_room};
 use crate::operator::Integral;
 use crate::rgbd::{NO_DEPTH, Reading};
 use crate::{Frame, Image};
 
-/// Bins of a channel.
-const BINS: usize = 16;
 /// Share of a new frame in what is known of the colours.
 const RATE: f32 = 0.04;
 /// Share of what was known at the start that stays.
@@ -31,13 +29,6 @@ pub struct HandColours {
     odds: Vec<f32>,
 }
 
-fn bin(pixel: [u8; 3], light: [f32; 3]) -> usize {
-    pixel.iter().zip(light).fold(0, |bin, (&v, inverse)| {
-        let level = (f32::from(v) * inverse).clamp(0.0, 255.0) as usize;
-        bin * BINS + level * BINS / 256
-    })
-}
-
 impl HandColours {
     /// Whether anything has been learnt.
     pub fn is_empty(&self) -> bool {
@@ -47,39 +38,43 @@ impl HandColours {
     /// The probability that the pixel at a place is the hand's, by its colour, where both are as likely.
     pub(super) fn odds_at(&self, view: &View<'_>, at: [f32; 2]) -> f64 {
         let pixel = view.colour.at(at[0] as isize, at[1] as isize);
-        let odds = self.odds.get(bin(pixel, view.gain.map(f32::recip)));
+        let odds = self.odds.get(view.light.bin(pixel));
         odds.map_or(0.0, |odds| f64::from(*odds))
     }
 
     /// Learns from a frame with the hand's middle at a place, `radius` pixels large; `depth` is the hand's, where known. The
     /// disc has pixels of other things: those of the room and of another depth are not counted as the hand's.
     pub fn learn(&mut self, view: &View<'_>, at: [f64; 2], radius: f64, depth: Option<f64>) {
-        let light = view.gain.map(f32::recip);
         let frame = view.colour;
         let mut counts = [vec![0.0_f32; BINS.pow(3)], vec![0.0_f32; BINS.pow(3)]];
+        let (inner, outer) = ((0.8 * radius).powi(2), (2.5 * radius).powi(2));
         let reach = 6.0 * radius;
+        let near = |middle: f64, count: usize| {
+            let first = (middle - reach).max(0.0) as usize;
+            first.min(count)..((middle + reach).max(0.0) as usize).min(count)
+        };
+        let (columns, rows) = (near(at[0], frame.width()), near(at[1], frame.height()));
         for y in 0..frame.height() {
-            let dy = y as f64 + 0.5 - at[1];
-            let near = dy.abs() < reach;
-            if !near && y % RASTER != 0 {
-                continue;
-            }
-            for (x, &pixel) in frame.row(y).iter().enumerate() {
-                let dx = x as f64 + 0.5 - at[0];
-                let near = near && dx.abs() < reach;
-                if !near && (x % RASTER != 0 || y % RASTER != 0) {
-                    continue;
+            let row = frame.row(y);
+            let here = if rows.contains(&y) { columns.clone() } else { 0..0 };
+            if y % RASTER == 0 {
+                for x in (0..row.len()).step_by(RASTER).filter(|x| !here.contains(x)) {
+                    counts[1][view.light.bin(row[x])] += 1.0;
                 }
-                let distance = (dx * dx + dy * dy).sqrt();
-                let i = y * frame.width() + x;
-                if distance < 0.8 * radius {
+            }
+            let dy = y as f64 + 0.5 - at[1];
+            for x in here {
+                let dx = x as f64 + 0.5 - at[0];
+                let distance = dx * dx + dy * dy;
+                if distance < inner {
+                    let i = y * frame.width() + x;
                     let there = view.depth.pixels()[i];
                     let fits = depth.is_none_or(|z| there == NO_DEPTH || (f64::from(there) - z).abs() < 80.0);
                     if fits && is_before_room(view, i) {
-                        counts[0][bin(pixel, light)] += 1.0;
+                        counts[0][view.light.bin(row[x])] += 1.0;
                     }
-                } else if distance > 2.5 * radius {
-                    counts[1][bin(pixel, light)] += 1.0;
+                } else if distance > outer {
+                    counts[1][view.light.bin(row[x])] += 1.0;
                 }
             }
         }
@@ -151,13 +146,13 @@ impl ColourCue {
 
     /// How much of a hand each pixel of the window is: by its colour, if it is before the room and not of another depth.
     fn weigh(&mut self, view: &View<'_>, search: &Search, window: Window) -> Image<f32> {
-        let light = view.gain.map(f32::recip);
         let [left, top, columns, rows] = window;
         let (step, width) = (search.step.max(1), view.colour.width());
         let depth = view.depth.pixels();
+        let (odds, pixels) = (&self.colours.odds, view.colour.pixels());
         Image::from_fn(columns.div_ceil(step), rows.div_ceil(step), |x, y| {
             let i = (top + step * y) * width + left + step * x;
-            let odds = self.colours.odds[bin(view.colour.pixels()[i], light)];
+            let odds = odds[view.light.bin(pixels[i])];
             if odds < 0.1 || !is_before_room(view, i) {
                 return 0.0;
             }
@@ -184,14 +179,15 @@ fn peaks(share: &Image<f32>, radius: f64, most: usize) -> Vec<([f64; 2], f64)> {
     // A square of a disc's area, and one of twice its side about it.
     let inner = (1.77 * radius).round().max(1.0) as usize;
     let outer = 2 * inner;
+    let (n, m) = ((inner * inner) as f64, (outer * outer) as f64);
     let response = |x: usize, y: usize| {
         let sum = |side: usize| {
             let first = |v: usize| v as isize - (side / 2) as isize;
             sums.sum(first(x), first(y), side, side)
         };
-        let (near, all) = (sum(inner), sum(outer));
-        let (n, m) = ((inner * inner) as f64, (outer * outer) as f64);
-        near / n - 0.4 * (all - near) / (m - n)
+        let near = sum(inner);
+        // What is around can only take from it.
+        if near <= FAINT * n { 0.0 } else { near / n - 0.4 * (sum(outer) - near) / (m - n) }
     };
     let step = ((radius / 4.0) as usize).max(1);
     let mut found: Vec<([f64; 2], f64)> = Vec::new();

@@ -9,23 +9,95 @@ pub use colour::{ColourCue, HandColours};
 pub use others::Others;
 
 use super::{Depth, Intrinsics, NO_DEPTH};
-use crate::Frame;
+use crate::{Frame, Result};
 
-/// A frame beside the empty room.
+/// The empty room.
+#[derive(Clone, Debug)]
+pub struct Room {
+    colour: Frame,
+    depth: Depth,
+    /// What is nearer than this stands before the room; [`NO_DEPTH`] where the room has no depth.
+    limit: Depth,
+}
+
+impl Room {
+    /// A room of these colours and depths ([`NO_DEPTH`] where unknown).
+    ///
+    /// # Errors
+    /// Pictures of different sizes.
+    pub fn new(colour: Frame, depth: Depth) -> Result<Room> {
+        colour.expect_size(&depth)?;
+        let limit = depth.map(|&far| if far == NO_DEPTH { NO_DEPTH } else { nearest_of_room(far) });
+        Ok(Room { colour, depth, limit })
+    }
+
+    /// Its colours.
+    pub fn colour(&self) -> &Frame {
+        &self.colour
+    }
+
+    /// Its depths.
+    pub fn depth(&self) -> &Depth {
+        &self.depth
+    }
+}
+
+/// The least depth that still is the room's where that is `far`: noise of both measurements, five standard deviations,
+/// beside a margin for what a median leaves.
+fn nearest_of_room(far: u16) -> u16 {
+    let margin = 20 + (5.0 * std::f64::consts::SQRT_2 * depth_noise(f64::from(far))) as u16;
+    far.saturating_sub(margin)
+}
+
+/// Bins of a channel's levels.
+const BINS: usize = 16;
+
+/// How bright a frame is beside the room, with what depends on that and on a pixel's level alone.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// By channel and level, the bin of that level under the room's light: the channel's digit of a colour's number.
+    digits: [[u16; 256]; 3],
+    /// By channel and level of the room, what it would be under this light.
+    expected: [[f32; 256]; 3],
+}
+
+impl Light {
+    /// The light of a frame before a room.
+    pub fn of(frame: &Frame, room: &Room) -> Light {
+        Light::new(light(frame, &room.colour))
+    }
+
+    /// The light under which the room's levels are to be multiplied with `gain`.
+    pub fn new(gain: [f32; 3]) -> Light {
+        let digit = |c: usize, v: usize| {
+            let level = (v as f32 * gain[c].recip()).clamp(0.0, 255.0) as usize;
+            (level * BINS / 256 * BINS.pow(2 - c as u32)) as u16
+        };
+        Light {
+            digits: std::array::from_fn(|c| std::array::from_fn(|v| digit(c, v))),
+            expected: gain.map(|gain| std::array::from_fn(|v| gain * v as f32)),
+        }
+    }
+
+    /// The number of a colour, from 0 to [`BINS`]^3.
+    fn bin(&self, pixel: [u8; 3]) -> usize {
+        (0..3).map(|c| usize::from(self.digits[c][usize::from(pixel[c])])).sum()
+    }
+}
+
+/// A frame before the empty room.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// Colours.
     pub colour: &'a Frame,
     /// Depths; all [`NO_DEPTH`] where depth is not used.
     pub depth: &'a Depth,
-    /// Colours of the empty room.
-    pub room: &'a Frame,
-    /// Depths of the empty room, likewise.
-    pub room_depth: &'a Depth,
+    /// The empty room.
+    pub room: &'a Room,
     /// The colour camera.
     pub lens: Intrinsics,
-    /// What the room's colours are multiplied with to be those of this frame's light.
-    pub gain: [f32; 3],
+    /// The light of this frame.
+    pub light: &'a Light,
 }
 
 /// Where to look.
@@ -83,18 +155,12 @@ const OTHER_COLOUR: f32 = 24.0;
 
 /// Whether what a pixel shows is before the room: by its depth where both are measured, else by its colour.
 pub fn is_before_room(view: &View<'_>, i: usize) -> bool {
-    let (near, far) = (view.depth.pixels()[i], view.room_depth.pixels()[i]);
-    if near != NO_DEPTH && far != NO_DEPTH {
-        // Noise of both, five standard deviations, beside a margin for what a median leaves.
-        return i32::from(far) - i32::from(near) > nearer_by(far);
+    let (depth, limit) = (view.depth.pixels()[i], view.room.limit.pixels()[i]);
+    if depth != NO_DEPTH && limit != NO_DEPTH {
+        return depth < limit;
     }
-    let (seen, room) = (view.colour.pixels()[i], view.room.pixels()[i]);
-    (0..3).any(|c| (f32::from(seen[c]) - view.gain[c] * f32::from(room[c])).abs() > OTHER_COLOUR)
-}
-
-/// How much nearer than the room something must be to be something else, millimetres.
-fn nearer_by(far: u16) -> i32 {
-    20 + (5.0 * std::f64::consts::SQRT_2 * depth_noise(f64::from(far))) as i32
+    let (seen, room) = (view.colour.pixels()[i], view.room.colour.pixels()[i]);
+    (0..3).any(|c| (f32::from(seen[c]) - view.light.expected[c][usize::from(room[c])]).abs() > OTHER_COLOUR)
 }
 
 /// What the room's colours must be multiplied with to be those of a frame: the median over a raster, so that a person who
