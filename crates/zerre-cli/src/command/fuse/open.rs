@@ -103,6 +103,8 @@ pub(super) fn open(args: &Fuse) -> Result<Opened, Diagnostic> {
     }
     config.without.extend(args.without.iter().cloned());
     leave_out(&mut config)?;
+    // Who says nothing is no source: a point that is shown by hand is known at once.
+    config.tracker.sources.retain(|source| joints.rows.iter().any(|row| row.source == source.name));
     let mut table = |path: &Option<PathBuf>| -> Result<Option<Marks>, Diagnostic> {
         let Some(path) = path else { return Ok(None) };
         read.push(path.clone());
