@@ -11,6 +11,7 @@ use zerre_lab::study::world::{WORLDS, WorldInfo};
 use zerre_vision::balls::SCENES as BALL_SCENES;
 use zerre_vision::balls::scene::Named as BallScene;
 use zerre_vision::clip::{CLIPS, Named as Clip};
+use zerre_vision::rgbd::recording::KINDS as RECORDINGS;
 use zerre_vision::rgbd::scene::{Named as Scene, SCENES};
 use zerre_vision::tracker::{Kind as Tracker, TRACKERS};
 
@@ -84,6 +85,7 @@ pub fn all() -> Vec<Entry> {
         .chain(TRACKERS.iter().map(tracker))
         .chain(Format::ALL.iter().map(format))
         .chain(COLUMNS.iter().map(column))
+        .chain(RECORDINGS.iter().map(|&(name, about)| Entry { kind: "recordings", name, about, source: "" }))
         .collect()
 }
 

@@ -88,8 +88,7 @@ mod tests {
             match value {
                 Value::Object(fields) => {
                     for (key, value) in fields {
-                        let implied = ["offset", "depth_offset"].contains(&key.as_str());
-                        if !implied && !starter("fuse").unwrap().contains(key.as_str()) {
+                        if !starter("fuse").unwrap().contains(key.as_str()) {
                             left_out.push(key);
                         }
                         pending.push(value);
@@ -100,6 +99,19 @@ mod tests {
             }
         }
         assert!(left_out.is_empty(), "{left_out:?}");
+    }
+
+    /// What is learnt is written into it: other values in their places, each source in a table of its own.
+    #[test]
+    fn the_starter_of_a_fusion_takes_other_values() {
+        let mut config = FuseConfig { without: vec!["depth".to_owned()], ..FuseConfig::default() };
+        let tracker = &mut config.tracker;
+        let mut other = tracker.sources[0].clone();
+        (other.name, other.offset, other.outlier) = ("pose \"two\"".to_owned(), [-3.25, 1e-7], 1.5e-5);
+        tracker.sources.push(other);
+        (tracker.fusion.particles, tracker.reference_sd) = (333, 2.0);
+        let text = crate::config::filled(starter("fuse").unwrap(), &serde_json::to_value(&config).unwrap());
+        assert_eq!(Source::new("fuse.toml", text).parse::<FuseConfig>().unwrap(), config);
     }
 
     #[test]

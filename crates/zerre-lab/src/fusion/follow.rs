@@ -1,14 +1,16 @@
 //! Several points, each with a tracker of its own.
 
+use crate::study::interval::quantile;
 use cpu_time::ThreadTime;
 use std::collections::BTreeMap;
+use std::time::Instant;
 use zerre::Time;
 use zerre::rng::Stream;
+use zerre_vision::Result;
 use zerre_vision::rgbd::background::Background;
 use zerre_vision::rgbd::thesis::{Show, Thesis, ThesisSettings};
 use zerre_vision::rgbd::tracker::{PointTracker, TrackerSettings};
 use zerre_vision::rgbd::{Intrinsics, Reading, RgbdFrame};
-use zerre_vision::{Error, Result};
 
 /// Which filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,6 +22,45 @@ pub enum Preset {
     Thesis,
 }
 
+/// What time is measured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clock {
+    /// The processor time of this thread.
+    #[default]
+    Processor,
+    /// What passes for who waits for the result.
+    Wall,
+}
+
+/// Time since something began.
+#[derive(Clone, Copy, Debug)]
+pub struct Stopwatch(Since);
+
+#[derive(Clone, Copy, Debug)]
+enum Since {
+    Processor(ThreadTime),
+    Wall(Instant),
+}
+
+impl Stopwatch {
+    /// Begins now.
+    pub fn start(clock: Clock) -> Stopwatch {
+        Stopwatch(match clock {
+            Clock::Processor => Since::Processor(ThreadTime::now()),
+            Clock::Wall => Since::Wall(Instant::now()),
+        })
+    }
+
+    /// Milliseconds since then, on the same thread.
+    pub fn ms(&self) -> f64 {
+        1000.0
+            * match self.0 {
+                Since::Processor(since) => since.elapsed().as_secs_f64(),
+                Since::Wall(since) => since.elapsed().as_secs_f64(),
+            }
+    }
+}
+
 /// How points are followed.
 #[derive(Clone, Debug, Default)]
 pub struct Rules {
@@ -29,6 +70,8 @@ pub struct Rules {
     pub tracker: TrackerSettings,
     /// Of the thesis's.
     pub thesis: ThesisSettings,
+    /// What stages are timed by.
+    pub clock: Clock,
 }
 
 /// What is known of a point in a frame.
@@ -72,7 +115,7 @@ pub struct Follow {
     points: Vec<Point>,
     /// What was found.
     pub rows: Vec<Row>,
-    /// Processor time by stage, of every frame, milliseconds.
+    /// Time by stage, of every frame and point, milliseconds by the rules' clock.
     pub times: BTreeMap<&'static str, Vec<f64>>,
     /// Frames in which a source said nothing, by its name.
     pub silent: BTreeMap<String, usize>,
@@ -153,11 +196,11 @@ impl Follow {
         let mut rows = Vec::with_capacity(self.points.len());
         for point in &mut self.points {
             let said = heard.get(&point.joint).map_or(&[][..], Vec::as_slice);
-            let begin = ThreadTime::now();
+            let begin = Stopwatch::start(self.rules.clock);
             let mut last = 0.0;
             let mut times: Vec<(&'static str, f64)> = Vec::new();
             let mut stamp = |name: &'static str| {
-                let now = 1000.0 * begin.elapsed().as_secs_f64();
+                let now = begin.ms();
                 times.push((name, now - last));
                 last = now;
             };
@@ -203,12 +246,31 @@ impl Follow {
                 trust,
             });
             let all: f64 = times.iter().map(|(_, time)| time).sum();
-            for (stage, time) in times.into_iter().chain([("all", all)]) {
+            for (stage, time) in times.into_iter().chain([(ALL, all)]) {
                 self.times.entry(stage).or_default().push(time);
             }
         }
         self.rows.append(&mut rows);
         Ok(())
+    }
+
+    /// What stages are timed by.
+    pub fn clock(&self) -> Clock {
+        self.rules.clock
+    }
+
+    /// Notes how long something took that is done elsewhere, milliseconds by the rules' clock.
+    pub fn note(&mut self, stage: &'static str, ms: f64) {
+        self.times.entry(stage).or_default().push(ms);
+    }
+
+    /// Of every stage the median, the 99th percentile and the longest time, milliseconds.
+    pub fn latency(&self) -> Vec<(&'static str, [f64; 3])> {
+        let line = |(stage, times): (&&'static str, &Vec<f64>)| {
+            let all: Vec<usize> = (0..times.len()).collect();
+            (*stage, [0.5, 0.99, 1.0].map(|share| quantile(times, &all, share)))
+        };
+        self.times.iter().map(line).collect()
     }
 
     /// The particles of each point.
@@ -226,21 +288,9 @@ impl Follow {
         let count = self.rows.iter().rev().take_while(|row| row.frame == last.frame).count();
         &self.rows[self.rows.len() - count..]
     }
-
-    /// Refuses settings before anything is read.
-    ///
-    /// # Errors
-    /// Settings out of range.
-    pub fn checked(&self) -> Result<()> {
-        self.rules.tracker.checked()?;
-        self.rules.thesis.checked()?;
-        if self.rules.preset == Preset::Thesis && self.rules.tracker.sources.len() > 1 {
-            let problem = "the thesis's filter knows one device".to_owned();
-            return Err(Error::Input { input: "sources".to_owned(), problem });
-        }
-        Ok(())
-    }
 }
 
+/// All stages of a frame and a point together.
+const ALL: &str = "tracker, all of it";
 /// Standard deviation of a first place, pixels.
 const FIRST_SD: f64 = 10.0;

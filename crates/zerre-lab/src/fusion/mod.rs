@@ -5,5 +5,5 @@ mod follow;
 mod page;
 
 pub use draw::{PointScene, ShownPoint};
-pub use follow::{Follow, Preset, Row, Rules};
-pub use page::{Watched, page, points_csv};
+pub use follow::{Clock, Follow, Preset, Row, Rules, Stopwatch};
+pub use page::{Score, Watched, page, points_csv};

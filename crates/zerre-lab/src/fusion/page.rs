@@ -1,8 +1,7 @@
 //! Points as a table, and on one page.
 
-use super::follow::{Follow, Row};
+use super::follow::{Clock, Follow, Row};
 use crate::report::study::{Figure, Grid, Picture, Section, Series, Shown, StudyReport};
-use crate::study::interval::quantile;
 use std::fmt::Write as _;
 
 /// What there is to show.
@@ -13,12 +12,35 @@ pub struct Watched<'a> {
     pub facts: Vec<(String, String)>,
     /// All that was found.
     pub follow: &'a Follow,
-    /// Distances from the truth, pixels, by frame, where it is known.
-    pub errors: Vec<(usize, f64)>,
+    /// Distances from the truth, where it is known.
+    pub scores: Vec<Score>,
+    /// What a source was learnt to be like: names of the columns, and a row per source.
+    pub learnt: Option<Grid>,
     /// The filmstrip.
     pub film: Option<Picture>,
     /// What else is to be said.
     pub notes: Vec<String>,
+}
+
+/// How far a point was off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Score {
+    /// Which point.
+    pub joint: String,
+    /// Distances from the truth, pixels, by frame.
+    pub errors: Vec<(usize, f64)>,
+    /// Standard error of the truth along an axis, pixels, where it is known.
+    pub floor: Option<f64>,
+    /// What is to be said of the truth, as sentences.
+    pub about: String,
+}
+
+impl Score {
+    /// Root of the mean square distance, pixels; `None` of no frames.
+    pub fn rmse(&self) -> Option<f64> {
+        let squares: f64 = self.errors.iter().map(|(_, error)| error * error).sum();
+        (!self.errors.is_empty()).then(|| (squares / self.errors.len() as f64).sqrt())
+    }
 }
 
 /// The rows as CSV: pixels, square pixels, millimetres in the colour camera's frame; empty where nothing is known.
@@ -62,24 +84,14 @@ pub fn page(watched: Watched) -> StudyReport {
             ..Section::default()
         });
     }
-    if !watched.errors.is_empty() {
-        let points = watched.errors.iter().map(|(frame, error)| [*frame as f64, *error]).collect();
-        let squares: f64 = watched.errors.iter().map(|(_, error)| error * error).sum();
-        let rmse = (squares / watched.errors.len() as f64).sqrt();
+    sections.extend(watched.scores.iter().filter_map(against));
+    if let Some(grid) = watched.learnt {
+        let words = "Standard deviations in pixels and millimetres where a source means the point, the probability that it \
+                     means something else, and how far it is off on average.";
         sections.push(Section {
-            title: "Against the truth".to_owned(),
-            paragraphs: vec![format!(
-                "RMSE {} px over {} frames.",
-                Shown::from(rmse).text,
-                watched.errors.len()
-            )],
-            figures: vec![Figure {
-                title: "Distance from the truth".to_owned(),
-                x: "frame".to_owned(),
-                y: "px".to_owned(),
-                series: vec![Series { name: "distance".to_owned(), points, ..Series::default() }],
-                ..Figure::default()
-            }],
+            title: "What was learnt of the sources".to_owned(),
+            paragraphs: vec![words.to_owned()],
+            tables: vec![grid],
             ..Section::default()
         });
     }
@@ -142,22 +154,55 @@ fn of_joint(follow: &Follow, joint: &str) -> Section {
     }
 }
 
+/// The score of a point; `None` where no frame has a truth.
+fn against(score: &Score) -> Option<Section> {
+    let rmse = Shown::from(score.rmse()?).text;
+    let points: Vec<[f64; 2]> = score.errors.iter().map(|(frame, error)| [*frame as f64, *error]).collect();
+    let ends = [points.first(), points.last()].into_iter().flatten().map(|point| point[0]);
+    // The squared distance between truth and reference has twice the square of the standard error as its mean.
+    let floor = score.floor.map(|floor| {
+        let name = "what the reference itself is off".to_owned();
+        let points = ends.map(|frame| [frame, std::f64::consts::SQRT_2 * floor]).collect();
+        Series { name, points, ..Series::default() }
+    });
+    let distance = Series { name: "distance".to_owned(), points, ..Series::default() };
+    Some(Section {
+        title: format!("{} against the truth", score.joint),
+        paragraphs: vec![format!("RMSE {rmse} px over {} frames. {}", score.errors.len(), score.about)],
+        figures: vec![Figure {
+            title: "Distance from the truth".to_owned(),
+            x: "frame".to_owned(),
+            y: "px".to_owned(),
+            series: [distance].into_iter().chain(floor).collect(),
+            ..Figure::default()
+        }],
+        ..Section::default()
+    })
+}
+
 fn latency(follow: &Follow) -> Section {
-    let line = |(stage, times): (&&'static str, &Vec<f64>)| {
-        let all: Vec<usize> = (0..times.len()).collect();
-        let at = |share: f64| Shown::from(quantile(times, &all, share));
-        vec![Shown::from(*stage), at(0.5), at(0.99), at(1.0)]
+    let line = |(stage, times): (&'static str, [f64; 3])| {
+        [Shown::from(stage)].into_iter().chain(times.map(Shown::from)).collect()
     };
     let head = ["stage", "median, ms", "99th percentile, ms", "longest, ms"];
     let silent =
         follow.silent.iter().map(|(source, count)| format!("{source} said nothing in {count} frames."));
+    let (title, caption) = match follow.clock() {
+        Clock::Processor => {
+            ("Processor time per frame and point", "Reading is with unpacking and registering.")
+        }
+        Clock::Wall => (
+            "Latency per frame and point",
+            "From a frame's arrival here on; what the camera and the way to here take is not in it.",
+        ),
+    };
     Section {
-        title: "Processor time per frame and point".to_owned(),
+        title: title.to_owned(),
         points: silent.collect(),
         tables: vec![Grid {
-            caption: "Reading and registering the pictures is not in it.".to_owned(),
+            caption: caption.to_owned(),
             head: head.map(str::to_owned).to_vec(),
-            rows: follow.times.iter().map(line).collect(),
+            rows: follow.latency().into_iter().map(line).collect(),
         }],
         ..Section::default()
     }

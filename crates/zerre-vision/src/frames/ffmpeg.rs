@@ -248,7 +248,7 @@ fn is_old(version: &str) -> bool {
     part().is_some_and(|major| major < 5 || (major == 5 && part() == Some(0)))
 }
 
-fn is_camera(path: &Path) -> bool {
+pub(super) fn is_camera(path: &Path) -> bool {
     path.to_string_lossy().starts_with("/dev/video")
 }
 

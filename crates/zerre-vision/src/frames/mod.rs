@@ -3,6 +3,7 @@
 pub mod encode;
 pub mod ffmpeg;
 pub mod folder;
+pub mod newest;
 
 use crate::{Error, Frame, Result};
 use ffmpeg::Video;
@@ -59,6 +60,11 @@ impl Frames {
     /// The frames of a list of pictures.
     pub fn of_pictures(pictures: Pictures) -> Frames {
         Frames { source: Source::Pictures(pictures), next: 0, size: None, peeked: None }
+    }
+
+    /// Whether the frames come by themselves, as those of a camera or a stream do.
+    pub fn is_live(input: &str) -> bool {
+        input.contains("://") || ffmpeg::is_camera(Path::new(input))
     }
 
     /// The next frame, which stays the next one.

@@ -33,16 +33,16 @@ impl Default for RunningSettings {
     }
 }
 
-/// What a pixel has shown.
+/// What a pixel has shown. Means are whole numbers of a small part, which takes half the time of fractions.
 #[derive(Clone, Copy, Debug)]
 struct Pixel {
-    /// Mean colour of the room, and the variance of a channel.
-    colour: [f32; 3],
-    variance: f32,
-    /// Mean depth of the room, 0 if unknown.
-    depth: f32,
-    /// Share of the frames with a depth.
-    valid: f32,
+    /// Mean colour of the room in parts of a level, and the variance of a channel in parts of a squared one.
+    colour: [u16; 3],
+    variance: u16,
+    /// Mean depth of the room in parts of a millimetre, 0 if unknown.
+    depth: u32,
+    /// Share of the frames with a depth, of [`ALL`].
+    valid: u16,
     /// What may become the room, and for how many frames it has been seen.
     other: [u8; 3],
     other_depth: u16,
@@ -57,8 +57,19 @@ struct Running {
 
 /// Levels by which a colour differs that may still be the same thing.
 const SAME_COLOUR: f32 = 18.0;
-/// Variance of a channel, at least and at most.
-const VARIANCE: [f32; 2] = [4.0, 64.0];
+/// Parts of a level, of a squared one, of a millimetre.
+const PARTS: i64 = 256;
+/// Variance of a channel, at least and at most, in parts.
+const VARIANCE: [i64; 2] = [4 * PARTS, 64 * PARTS];
+/// Every frame.
+const ALL: i64 = u16::MAX as i64;
+/// What a rate of 1 is.
+const WHOLE: i64 = 1 << 16;
+
+/// A mean with another value in it, rounded.
+fn towards(mean: i64, value: i64, rate: i64) -> i64 {
+    mean + (((value - mean) * rate + WHOLE / 2) >> 16)
+}
 
 /// Whether two depths may be those of one thing.
 fn is_same_depth(a: f32, b: f32) -> bool {
@@ -66,8 +77,12 @@ fn is_same_depth(a: f32, b: f32) -> bool {
     (a - b).abs() < 20.0 + 5.0 * std::f32::consts::SQRT_2 * noise
 }
 
-fn is_same_colour(a: [f32; 3], b: [f32; 3], most: f32) -> bool {
-    (0..3).all(|c| (a[c] - b[c]).abs() < most)
+fn is_same_colour(a: [f32; 3], b: [f32; 3], most_squared: f32) -> bool {
+    (0..3).all(|c| (a[c] - b[c]) * (a[c] - b[c]) < most_squared)
+}
+
+fn in_parts(level: u8) -> u16 {
+    u16::from(level) * PARTS as u16
 }
 
 impl Background {
@@ -96,10 +111,10 @@ impl Background {
             }
         }
         let pixel = |(colour, depth): (&[u8; 3], &u16)| Pixel {
-            colour: colour.map(f32::from),
-            variance: VARIANCE[0],
-            depth: f32::from(*depth),
-            valid: f32::from(u8::from(*depth != NO_DEPTH)),
+            colour: colour.map(in_parts),
+            variance: VARIANCE[0] as u16,
+            depth: u32::from(*depth) * PARTS as u32,
+            valid: if *depth == NO_DEPTH { 0 } else { ALL as u16 },
             other: [0; 3],
             other_depth: NO_DEPTH,
             seen: 0,
@@ -133,20 +148,24 @@ impl Background {
         }
         let Some(Running { settings, pixels }) = &mut self.running else { return Ok(()) };
         let gain = light(&frame.colour, &self.colour);
-        let rate = (1.0 / settings.memory) as f32;
-        let (colours, depths) = (self.colour.pixels_mut(), self.depth.pixels_mut());
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            let (seen, depth) = (frame.colour.pixels()[i], frame.depth.pixels()[i]);
+        let rate = (WHOLE as f64 / settings.memory).round() as i64;
+        let room = self.colour.pixels_mut().iter_mut().zip(self.depth.pixels_mut());
+        let now = frame.colour.pixels().iter().zip(frame.depth.pixels());
+        for (i, ((pixel, (colour, deep)), (&seen, &depth))) in
+            pixels.iter_mut().zip(room).zip(now).enumerate()
+        {
             let masked = foreground.is_some_and(|mask| mask.pixels()[i] != 0);
-            pixel.valid += rate * (f32::from(u8::from(depth != NO_DEPTH)) - pixel.valid);
-            if !masked && pixel.is_room(seen.map(f32::from), depth, gain) {
-                pixel.average(seen.map(f32::from), depth, rate);
+            let measured = if depth == NO_DEPTH { 0 } else { ALL };
+            pixel.valid = towards(i64::from(pixel.valid), measured, rate) as u16;
+            if !masked && pixel.is_room(seen, depth, gain) {
+                pixel.average(seen, depth, rate);
                 pixel.seen = pixel.seen.saturating_sub(1);
             } else if !pixel.becomes_room(seen, depth, settings) {
                 continue;
             }
-            colours[i] = pixel.colour.map(|v| (v + 0.5) as u8);
-            depths[i] = (pixel.depth + 0.5) as u16;
+            // The largest level and depth are whole ones: rounding cannot go beyond them.
+            *colour = pixel.colour.map(|v| ((i64::from(v) + PARTS / 2) / PARTS) as u8);
+            *deep = ((i64::from(pixel.depth) + PARTS / 2) / PARTS) as u16;
         }
         Ok(())
     }
@@ -156,31 +175,37 @@ impl Background {
     pub fn validity(&self, x: usize, y: usize) -> Option<f64> {
         let running = self.running.as_ref()?;
         let inside = x < self.colour.width() && y < self.colour.height();
-        inside.then(|| f64::from(running.pixels[y * self.colour.width() + x].valid))
+        inside.then(|| f64::from(running.pixels[y * self.colour.width() + x].valid) / ALL as f64)
     }
 }
 
 impl Pixel {
-    fn is_room(&self, seen: [f32; 3], depth: u16, gain: [f32; 3]) -> bool {
-        if depth != NO_DEPTH && self.depth > 0.0 {
-            return is_same_depth(f32::from(depth), self.depth);
-        }
-        let expected = std::array::from_fn(|c| gain[c] * self.colour[c]);
-        is_same_colour(seen, expected, SAME_COLOUR.max(4.0 * self.variance.sqrt()))
+    fn depth_mm(&self) -> f32 {
+        self.depth as f32 / PARTS as f32
     }
 
-    fn average(&mut self, seen: [f32; 3], depth: u16, rate: f32) {
-        let mut square = 0.0;
+    fn is_room(&self, seen: [u8; 3], depth: u16, gain: [f32; 3]) -> bool {
+        if depth != NO_DEPTH && self.depth > 0 {
+            return is_same_depth(f32::from(depth), self.depth_mm());
+        }
+        let expected = std::array::from_fn(|c| gain[c] * f32::from(self.colour[c]) / PARTS as f32);
+        let most = (16.0 * f32::from(self.variance) / PARTS as f32).max(SAME_COLOUR * SAME_COLOUR);
+        is_same_colour(seen.map(f32::from), expected, most)
+    }
+
+    fn average(&mut self, seen: [u8; 3], depth: u16, rate: i64) {
+        let mut squares = 0;
         for c in 0..3 {
-            let off = seen[c] - self.colour[c];
-            self.colour[c] += rate * off;
-            square += off * off / 3.0;
+            let (mean, value) = (i64::from(self.colour[c]), i64::from(in_parts(seen[c])));
+            self.colour[c] = towards(mean, value, rate) as u16;
+            squares += (value - mean) * (value - mean) / PARTS;
         }
         let [least, most] = VARIANCE;
-        self.variance = (self.variance + rate * (square - self.variance)).clamp(least, most);
+        self.variance = towards(i64::from(self.variance), squares / 3, rate).clamp(least, most) as u16;
         if depth != NO_DEPTH {
-            let depth = f32::from(depth);
-            self.depth = if self.depth > 0.0 { self.depth + rate * (depth - self.depth) } else { depth };
+            let depth = i64::from(depth) * PARTS;
+            let mean = if self.depth > 0 { towards(i64::from(self.depth), depth, rate) } else { depth };
+            self.depth = mean as u32;
         }
     }
 
@@ -189,7 +214,7 @@ impl Pixel {
         let near = if depth != NO_DEPTH && self.other_depth != NO_DEPTH {
             is_same_depth(f32::from(depth), f32::from(self.other_depth))
         } else {
-            is_same_colour(seen.map(f32::from), self.other.map(f32::from), SAME_COLOUR)
+            is_same_colour(seen.map(f32::from), self.other.map(f32::from), SAME_COLOUR * SAME_COLOUR)
         };
         if self.seen > 0 && !near {
             // One frame of something else, as at an edge, does not begin anew.
@@ -201,15 +226,15 @@ impl Pixel {
         }
         self.other = seen;
         self.seen = self.seen.saturating_add(1);
-        let far = f32::from(self.other_depth);
-        let farther = self.depth > 0.0 && far > self.depth && !is_same_depth(far, self.depth);
+        let (far, room) = (f32::from(self.other_depth), self.depth_mm());
+        let farther = self.depth > 0 && far > room && !is_same_depth(far, room);
         if self.seen < if farther { settings.revealed } else { settings.patience } {
             return false;
         }
-        self.colour = seen.map(f32::from);
-        self.variance = VARIANCE[0];
+        self.colour = seen.map(in_parts);
+        self.variance = VARIANCE[0] as u16;
         // What has no depth itself does not have that of what was there.
-        self.depth = far;
+        self.depth = u32::from(self.other_depth) * PARTS as u32;
         self.seen = 0;
         true
     }

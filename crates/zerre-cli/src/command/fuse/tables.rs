@@ -1,4 +1,4 @@
-//! Joints and truth from tables.
+//! Tables, and what devices and pose estimators say in one.
 
 use crate::diagnostic::Diagnostic;
 use std::collections::BTreeMap;
@@ -24,9 +24,12 @@ pub(super) struct JointRow {
 }
 
 /// Rows, and the complaints about those that were left out.
+#[derive(Default)]
 pub(super) struct Joints {
     pub rows: Vec<JointRow>,
     pub rejected: Vec<String>,
+    /// Rows that say that nothing was found.
+    pub missing: usize,
 }
 
 /// Where a reading is from, unless a column says.
@@ -34,15 +37,18 @@ pub(super) const DEVICE: &str = "device";
 /// Share of bad rows beyond which the file is no joint file.
 const MOST_REJECTED: f64 = 0.5;
 
+/// Cells of a row by the name of their column; nothing of an empty one.
+pub(super) type Cell<'a> = dyn Fn(&str) -> Option<String> + 'a;
+
 /// A table with a header, row by row.
-struct Table<'a> {
+pub(super) struct Table<'a> {
     path: &'a Path,
     columns: BTreeMap<String, usize>,
     reader: csv::Reader<std::fs::File>,
 }
 
 impl<'a> Table<'a> {
-    fn open(path: &'a Path) -> Result<Table<'a>, Diagnostic> {
+    pub(super) fn open(path: &'a Path) -> Result<Table<'a>, Diagnostic> {
         let file = std::fs::File::open(path).map_err(|error| Diagnostic::io("read", path, &error))?;
         let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(file);
         let header = reader.headers().map_err(|error| refused(path, &error))?;
@@ -50,12 +56,12 @@ impl<'a> Table<'a> {
         Ok(Table { path, columns, reader })
     }
 
-    fn has(&self, name: &str) -> bool {
+    pub(super) fn has(&self, name: &str) -> bool {
         self.columns.contains_key(name)
     }
 
     /// Refuses a table without these columns.
-    fn needs(&self, names: &[&str]) -> Result<(), Diagnostic> {
+    pub(super) fn needs(&self, names: &[&str]) -> Result<(), Diagnostic> {
         match names.iter().find(|name| !self.has(name)) {
             None => Ok(()),
             Some(missing) => {
@@ -67,7 +73,7 @@ impl<'a> Table<'a> {
     }
 
     /// Every row with its line, as something that gives cells by their column's name.
-    fn rows(mut self, mut each: impl FnMut(u64, &dyn Fn(&str) -> Option<String>)) -> Result<(), Diagnostic> {
+    pub(super) fn rows(mut self, mut each: impl FnMut(u64, &Cell<'_>)) -> Result<(), Diagnostic> {
         let mut record = csv::StringRecord::new();
         loop {
             match self.reader.read_record(&mut record) {
@@ -90,7 +96,7 @@ fn refused(path: &Path, error: &csv::Error) -> Diagnostic {
 }
 
 /// A number of a cell that must be finite.
-fn number(cell: &dyn Fn(&str) -> Option<String>, name: &str) -> Result<f64, String> {
+pub(super) fn number(cell: &Cell<'_>, name: &str) -> Result<f64, String> {
     let text = cell(name).ok_or_else(|| format!("column {name} is empty"))?;
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
@@ -106,8 +112,8 @@ pub(super) fn joints(path: &Path) -> Result<Joints, Diagnostic> {
     if !timed {
         table.needs(&["frame"]).map_err(|error| error.help("or `time_s`, seconds"))?;
     }
-    let (mut rows, mut rejected) = (Vec::new(), Vec::new());
-    let row = |cell: &dyn Fn(&str) -> Option<String>| -> Result<JointRow, String> {
+    let mut joints = Joints::default();
+    let row = |cell: &Cell<'_>| -> Result<JointRow, String> {
         let when = if timed {
             let text = cell("time_s").ok_or("column time_s is empty")?;
             let time = Time::parse_secs(&text);
@@ -128,45 +134,17 @@ pub(super) fn joints(path: &Path) -> Result<Joints, Diagnostic> {
         })
     };
     table.rows(|line, cell| match row(cell) {
-        Ok(row) => rows.push(row),
-        Err(problem) => rejected.push(format!("{}, line {line}: {problem}", path.display())),
+        // Estimators write a row without a place where they find nothing.
+        _ if cell("x").is_none() && cell("y").is_none() => joints.missing += 1,
+        Ok(row) => joints.rows.push(row),
+        Err(problem) => joints.rejected.push(format!("{}, line {line}: {problem}", path.display())),
     })?;
-    let all = rows.len() + rejected.len();
+    let Joints { rows, rejected, missing } = &joints;
+    let all = rows.len() + rejected.len() + missing;
     if rejected.len() as f64 > MOST_REJECTED * all as f64 {
         let first = rejected.first().cloned().unwrap_or_default();
         let what = format!("{} of {all} rows of {} are bad", rejected.len(), path.display());
         return Err(Diagnostic::new(what).help(format!("the first: {first}")));
     }
-    Ok(Joints { rows, rejected })
-}
-
-/// Where the point is, by number or name of the frame: one place a frame, or the mean of what several people marked.
-pub(super) fn truth(path: &Path, joint: &str) -> Result<BTreeMap<String, [f64; 2]>, Diagnostic> {
-    let table = Table::open(path)?;
-    table.needs(&["frame", "x", "y"])?;
-    let mut sums: BTreeMap<String, ([f64; 2], f64)> = BTreeMap::new();
-    let mut bad = None;
-    table.rows(|line, cell| {
-        let named = cell("point").or_else(|| cell("joint"));
-        let hidden = cell("visible").is_some_and(|text| text.parse::<f64>() == Ok(0.0));
-        if hidden || named.is_some_and(|name| name != joint) {
-            return;
-        }
-        let read = || -> Result<_, String> {
-            let frame = cell("frame").ok_or("column frame is empty")?;
-            Ok((frame, [number(cell, "x")?, number(cell, "y")?]))
-        };
-        match read() {
-            Ok((frame, at)) => {
-                let (sum, count) = sums.entry(frame).or_default();
-                *count += 1.0;
-                (0..2).for_each(|k| sum[k] += at[k]);
-            }
-            Err(problem) => bad = bad.take().or(Some((line, problem))),
-        }
-    })?;
-    if let Some((line, problem)) = bad {
-        return Err(Diagnostic::new(format!("{}, line {line}: {problem}", path.display())));
-    }
-    Ok(sums.into_iter().map(|(frame, (sum, count))| (frame, sum.map(|v| v / count))).collect())
+    Ok(joints)
 }

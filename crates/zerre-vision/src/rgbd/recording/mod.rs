@@ -1,5 +1,5 @@
 //! Recordings of colour and depth, frame by frame: folders of pictures and, with the feature `mcap`, MCAP
-//! files.
+//! files; videos, cameras and streams have colours alone.
 
 mod cameras;
 mod folders;
@@ -11,6 +11,7 @@ mod mcap_tests;
 mod message;
 #[cfg(test)]
 mod tests;
+mod video;
 
 pub use cameras::CameraFile;
 
@@ -19,6 +20,24 @@ use crate::frames::folder;
 use crate::{Error, Frame, Image, Result};
 use folders::Entry;
 use std::path::{Path, PathBuf};
+
+/// What is read, each with a line about it.
+pub const KINDS: &[(&str, &str)] = &[
+    (
+        "folder",
+        "folders rgb and depth with pictures of the same numbers; times.csv, camera.json, background_*.png",
+    ),
+    ("tum", "a folder as the TUM RGB-D benchmark has it: rgb.txt, depth.txt or associations.txt"),
+    #[cfg(feature = "mcap")]
+    ("mcap", "MCAP files with pictures of ROS 2 or Foxglove, one topic of colours and one of depth"),
+    #[cfg(not(feature = "mcap"))]
+    ("mcap", "MCAP files; this program is built without them (cargo build --features mcap)"),
+    ("video", "what the program ffmpeg reads: colours alone"),
+    (
+        "camera",
+        "/dev/video0 or the address of a stream, by ffmpeg: colours alone, frames are dropped rather than late",
+    ),
+];
 
 /// How a recording is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,6 +106,7 @@ pub struct Recording {
 #[derive(Debug)]
 enum Entries {
     Files(std::vec::IntoIter<Entry>),
+    Video(Box<video::Video>),
     #[cfg(feature = "mcap")]
     Mcap(Box<mcap::Messages>),
 }
@@ -95,14 +115,17 @@ enum Entries {
 #[derive(Clone, Debug, PartialEq)]
 enum Source {
     File(PathBuf),
+    /// Here.
+    Picture(Frame),
     #[cfg(feature = "mcap")]
     Message(message::Message),
 }
 
 impl Source {
-    fn frame(&self) -> Result<Frame> {
+    fn frame(self) -> Result<Frame> {
         match self {
-            Source::File(path) => folder::frame(path),
+            Source::File(path) => folder::frame(&path),
+            Source::Picture(frame) => Ok(frame),
             #[cfg(feature = "mcap")]
             Source::Message(message) => message.frame().map_err(in_message),
         }
@@ -114,6 +137,10 @@ impl Source {
         let _ = (scale, invalid);
         match self {
             Source::File(path) => folder::depth(path),
+            Source::Picture(_) => {
+                let problem = "it has no depth".to_owned();
+                Err(Error::Input { input: "video".to_owned(), problem })
+            }
             #[cfg(feature = "mcap")]
             Source::Message(message) => message.depth(scale, invalid).map_err(in_message),
         }
@@ -131,11 +158,12 @@ const ROOM: [&[&str]; 2] = [&["background_rgb.png", "background_rgb.jpg"], &["ba
 impl Recording {
     /// Opens a folder: with folders `rgb` and `depth` whose pictures have the same numbers (and `times.csv`,
     /// if there is one), or as the TUM benchmark has it (`rgb.txt`, `depth.txt`, `associations.txt`); or,
-    /// with the feature `mcap`, a file of pictures as Foxglove or ROS 2 have them.
+    /// with the feature `mcap`, a file of pictures as Foxglove or ROS 2 have them. What else the program `ffmpeg`
+    /// reads (a video file, a camera such as `/dev/video0`, the address of a stream) has colours alone.
     ///
     /// # Errors
     /// Nothing under this name, another layout, a camera file that is none, pictures of different sizes
-    /// without cameras.
+    /// without cameras, a video without the program `ffmpeg`.
     pub fn open(path: &Path, options: &RecordingOptions) -> Result<Recording> {
         let refuse =
             |problem: &str| Error::Input { input: path.display().to_string(), problem: problem.to_owned() };
@@ -148,14 +176,12 @@ impl Recording {
             let listed = folders::list(path, options.rate_hz, options.apart_s)?;
             let expected = listed.entries.len();
             (Entries::Files(listed.entries.into_iter()), Some(expected), listed.alone, listed.scale)
-        } else if !path.is_file() {
-            return Err(refuse(
-                "there is no such folder: a recording of colour and depth is a folder of pictures",
-            ));
         } else if path.extension().is_none_or(|ending| ending != "mcap") {
-            return Err(refuse(
-                "a recording of colour and depth is a folder of pictures, or a file that ends in .mcap",
-            ));
+            let video = video::Video::open(path, options.rate_hz)?;
+            let expected = video.expected();
+            (Entries::Video(Box::new(video)), expected, 0, 0.001)
+        } else if !path.is_file() {
+            return Err(refuse("there is no such file"));
         } else {
             #[cfg(feature = "mcap")]
             {
@@ -163,7 +189,10 @@ impl Recording {
                 (Entries::Mcap(Box::new(messages)), None, 0, 0.001)
             }
             #[cfg(not(feature = "mcap"))]
-            return Err(refuse("this program is built without the feature `mcap`, which reads such files"));
+            return Err(refuse(
+                "this program is built without MCAP: build it with the feature mcap (cargo build --features mcap), or \
+                 give a folder of pictures",
+            ));
         };
         let mut beside = [files.then_some(path), path.parent()]
             .into_iter()
@@ -216,6 +245,24 @@ impl Recording {
         }))
     }
 
+    /// Whether the frames come by themselves, as those of a camera or a stream do.
+    pub fn is_live(&self) -> bool {
+        matches!(&self.entries, Entries::Video(video) if video.is_live())
+    }
+
+    /// Whether it may have depth: videos, cameras and streams have none.
+    pub fn may_have_depth(&self) -> bool {
+        !matches!(&self.entries, Entries::Video(_))
+    }
+
+    /// After the last frame of a video: why there are no more of them, where there should be.
+    pub fn complaint(&self) -> Option<&str> {
+        match &self.entries {
+            Entries::Video(video) => video.complaint(),
+            _ => None,
+        }
+    }
+
     /// Number of frames, with those that are missing or cannot be read, where it is known before the end.
     pub fn expected(&self) -> Option<usize> {
         self.expected
@@ -230,10 +277,10 @@ impl Recording {
         self.outcomes
     }
 
-    fn colour(&mut self, entry: &Entry) -> Result<Frame> {
+    fn colour(&mut self, entry: &mut Entry) -> Result<Frame> {
         let missing =
             || Error::Input { input: entry.name.clone(), problem: "there is no such picture".to_owned() };
-        let frame = entry.colour.as_ref().ok_or_else(missing)?.frame()?;
+        let frame = entry.colour.take().ok_or_else(missing)?.frame()?;
         let expected = *self.size.get_or_insert(frame.size());
         if frame.size() != expected {
             return Err(Error::Size { found: frame.size(), expected });
@@ -274,19 +321,20 @@ impl Iterator for Recording {
     fn next(&mut self) -> Option<Result<RgbdFrame>> {
         let entry = match &mut self.entries {
             Entries::Files(entries) => Ok(entries.next()?),
+            Entries::Video(video) => video.entry()?,
             #[cfg(feature = "mcap")]
             Entries::Mcap(messages) => messages.entry()?,
         };
         let index = self.next;
         self.next += 1;
-        let entry: Entry = match entry {
+        let mut entry: Entry = match entry {
             Ok(entry) => entry,
             Err(error) => {
                 self.outcomes.unreadable += 1;
                 return Some(Err(error));
             }
         };
-        let colour = match self.colour(&entry) {
+        let colour = match self.colour(&mut entry) {
             Ok(colour) => colour,
             Err(error) => {
                 self.outcomes.unreadable += 1;

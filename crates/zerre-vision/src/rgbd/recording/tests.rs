@@ -176,7 +176,7 @@ fn what_cannot_be_read_says_what_is_needed() {
     let folder = Folder::new("refused");
     assert!(
         problem(Recording::open(&folder.0.join("none"), &RecordingOptions::default()))
-            .contains("no such folder")
+            .contains("no such file or folder")
     );
     folder.colour("rgb/1.png", 1);
     assert!(problem(folder.open()).contains("no picture"));

@@ -1,5 +1,10 @@
 //! `zerre fuse` on a drawn recording, on damaged ones, and on a real camera's.
 
+mod input;
+mod joints;
+mod learn;
+mod live;
+
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,6 +30,11 @@ fn words(output: &Output) -> String {
 fn document(output: &Output) -> Value {
     assert!(output.status.success(), "{}", words(output));
     serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// What a run says of itself in its folder.
+fn record(out: &Path) -> Value {
+    serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap()
 }
 
 fn text(path: &Path) -> &str {
@@ -54,7 +64,9 @@ fn beginning(name: &str, frames: usize) -> PathBuf {
             fs::copy(file, out.join(kind).join(file.file_name().unwrap())).unwrap();
         }
     }
-    for file in ["camera.json", "background_rgb.png", "background_depth.png", "joints.csv", "truth.csv"] {
+    for file in
+        ["camera.json", "background_rgb.png", "background_depth.png", "joints.csv", "truth.csv", "labels.csv"]
+    {
         fs::copy(drawn().join(file), out.join(file)).unwrap();
     }
     out
@@ -117,6 +129,8 @@ fn marks_are_for_scores_alone() {
     let (right, points) = run("right", "truth.csv");
     let (wrong, same) = run("wrong", "turned.csv");
     assert!(points == same && wrong > right, "{wrong} {right}");
+    document(&fuse(&made, &out.join("none"), &[]));
+    assert_eq!(fs::read_to_string(out.join("none/points.csv")).unwrap(), points, "without any marks");
 }
 
 #[test]
@@ -144,7 +158,7 @@ fn damage_is_counted_and_the_rest_is_followed() {
     for problem in ["line 4: column x has `NaN`", "line 5: column confidence has 7"] {
         assert!(words(&run).contains(problem), "{}", words(&run));
     }
-    let record: Value = serde_json::from_slice(&fs::read(out.join("run/run.json")).unwrap()).unwrap();
+    let record = record(&out.join("run"));
     assert_eq!(record["counts"]["rejected"]["row of joints"], 2, "{record}");
 }
 
@@ -167,6 +181,10 @@ fn what_cannot_be_done_is_said() {
     refused(&[], "--start x,y");
     fs::remove_file(made.join("background_rgb.png")).unwrap();
     refused(&["--start", "300,200", "--room", "pictures"], "background_rgb.png");
+    refused(
+        &["--start", "300,200", "--without", "color", "--without", "depth", "--without", "device"],
+        "no source is left",
+    );
     let nowhere = zerre(&["fuse", text(&out.join("nowhere")), "--start", "1,1"]);
     assert!(words(&nowhere).contains("there is no such"), "{}", words(&nowhere));
 }
