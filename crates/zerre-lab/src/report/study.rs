@@ -1,6 +1,6 @@
 //! A study on one page: what was asked, tables with intervals, line charts. It needs no network and no script.
 
-use super::svg::{At, Escaped, Range, Ticks, dots, inside, path, readable};
+use super::svg::{At, Escaped, Range, Ticks, dots, half_width, inside, path, readable};
 use crate::study::interval::Estimate;
 use crate::study::table::Entry;
 use std::fmt::Write as _;
@@ -367,13 +367,15 @@ fn figure(out: &mut String, figure: &Figure) {
         height - 6.0,
         Escaped(&figure.x)
     );
+    let mut free = 0.0;
     for (value, label) in x.marks(6.0) {
-        let _ = write!(
-            out,
-            "<text x=\"{}\" y=\"{}\">{label}</text>",
-            At(inside(LEFT + x.share(value) * wide, &label, 11.0, WIDTH)),
-            At(floor + 15.0)
-        );
+        let middle = inside(LEFT + x.share(value) * wide, &label, 11.0, WIDTH);
+        let half = half_width(&label, 11.0);
+        // A label that would run into the one before is left out.
+        if middle - half >= free {
+            free = middle + half + 4.0;
+            let _ = write!(out, "<text x=\"{}\" y=\"{}\">{label}</text>", At(middle), At(floor + 15.0));
+        }
     }
     let _ = write!(
         out,

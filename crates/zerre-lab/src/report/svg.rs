@@ -115,10 +115,14 @@ impl Ticks {
     }
 }
 
-/// Where to centre a label at `x` so that none of it lies beyond `width`: digits are about 0.58 of the font's size
-/// wide.
+/// Half of a label's width: digits are about 0.58 of the font's size wide.
+pub(super) fn half_width(label: &str, font: f64) -> f64 {
+    0.29 * font * label.chars().count() as f64
+}
+
+/// Where to centre a label at `x` so that none of it lies beyond `width`.
 pub(super) fn inside(x: f64, label: &str, font: f64, width: f64) -> f64 {
-    x.min(width - 0.29 * font * label.chars().count() as f64)
+    x.min(width - half_width(label, font))
 }
 
 /// The number of 1, 2 or 5 times a power of ten next to `about`.

@@ -28,25 +28,24 @@ impl MultiBall {
         let mut figures = Vec::new();
         for particles in PICTURED_PARTICLES {
             let followed = follow(&clip, &READINGS[0], particles, luck)?;
-            let mut series = Vec::new();
-            for (ball, name) in BALLS.iter().enumerate() {
-                let estimated = followed.estimates.iter().map(|of| [of[ball][0], -of[ball][1]]);
-                series.push(Series {
-                    name: (*name).to_owned(),
-                    points: estimated.collect(),
-                    ..Series::default()
-                });
-            }
-            for ball in 0..BALLS.len() {
-                let detected = clip.detected.iter().filter_map(|of| of[ball].map(|[x, y]| [x, -y]));
-                let name = if ball == 0 { "detected" } else { "" }.to_owned();
-                series.push(Series {
-                    name,
-                    points: detected.collect(),
-                    reference: true,
-                    ..Series::default()
-                });
-            }
+            // The palette begins with blue, orange and green: from the last ball on, these are nearest to theirs.
+            let way = |(ball, name): (usize, &&str)| Series {
+                name: (*name).to_owned(),
+                points: followed.estimates.iter().map(|of| [of[ball][0], -of[ball][1]]).collect(),
+                ..Series::default()
+            };
+            let mut series: Vec<Series> = BALLS.iter().enumerate().rev().map(way).collect();
+            let detected = (0..BALLS.len()).flat_map(|ball| {
+                let places = clip.detected.iter().filter_map(move |of| of[ball].map(|[x, y]| [x, -y]));
+                // No line from the end of one way to the start of the next.
+                places.chain([[f64::NAN; 2]])
+            });
+            series.push(Series {
+                name: "detected".to_owned(),
+                points: detected.collect(),
+                reference: true,
+                ..Series::default()
+            });
             figures.push(Figure {
                 title: format!("{particles} particles"),
                 x: "x (px)".to_owned(),
@@ -78,8 +77,9 @@ impl MultiBall {
                     particles: filter.particles().take(DRAWN).collect(),
                 })
                 .collect();
+            // Counted from 1, as in the thesis.
             let scene =
-                BallScene { frame: &frame, index: k, balls: &shown_balls, truth: clip.scene.truth(k) };
+                BallScene { frame: &frame, index: k + 1, balls: &shown_balls, truth: clip.scene.truth(k) };
             let size = shown(frame.size(), WIDTH, WIDTH);
             let title = format!("Frame {}, {most} particles of each ball", k + 1);
             painted.push(pictured(&title, &format!("particles-{}.png", k + 1), &scene.draw(size)?)?);
