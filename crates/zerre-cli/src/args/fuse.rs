@@ -54,8 +54,8 @@ pub struct Fuse {
     /// Which filter
     #[arg(long, value_name = "NAME", default_value = "sound")]
     pub preset: FusePreset,
-    /// What the empty room looks like [default: its pictures in the recording, else the median of frames; running
-    /// before a camera]
+    /// What the empty room looks like [default: its pictures in the recording, else the median of frames;
+    /// running before a camera]
     #[arg(long, value_name = "NAME")]
     pub room: Option<RoomFrom>,
     /// Cameras [default: camera.json]

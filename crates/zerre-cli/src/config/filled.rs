@@ -2,8 +2,9 @@
 
 use serde_json::Value;
 
-/// The TOML text with the values of `values` in the place of its own. A table of an array stands once in the text and as
-/// often in what is made of it as there are values; what `values` has not, or has as null, stays as it is.
+/// The TOML text with the values of `values` in the place of its own. A table of an array stands once in the
+/// text and as often in what is made of it as there are values; what `values` has not, or has as null, stays
+/// as it is.
 pub fn filled(text: &str, values: &Value) -> String {
     let mut made = String::new();
     let mut at = Some(values);

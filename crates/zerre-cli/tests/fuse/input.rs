@@ -188,7 +188,8 @@ fn bags_are_followed_like_folders() {
     assert!(!none.status.success() && words(&none).contains("recorded.mcap"), "{}", words(&none));
 }
 
-/// MCAP as its specification has it (version 0, neither chunks nor index), with `foxglove.RawImage` in protocol buffers.
+/// MCAP as its specification has it (version 0, neither chunks nor index), with `foxglove.RawImage` in
+/// protocol buffers.
 #[cfg(feature = "mcap")]
 mod bag {
     pub struct Bag(Vec<u8>);

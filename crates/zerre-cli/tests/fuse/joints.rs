@@ -26,8 +26,8 @@ fn noise(k: usize) -> f64 {
 
 const FRAMES: usize = 45;
 
-/// The device's rows of the right hand in every frame, an estimator's in every third, 10 ms late, and its rows of the left
-/// hand in some.
+/// The device's rows of the right hand in every frame, an estimator's in every third, 10 ms late, and its
+/// rows of the left hand in some.
 fn rows() -> Vec<String> {
     let table = fs::read_to_string(drawn().join("joints.csv")).unwrap();
     let time =
@@ -60,7 +60,8 @@ fn marks(path: &Path) {
     fs::write(path, table).unwrap();
 }
 
-/// Both hands are followed, whatever the order of the rows, and what is bad among them is counted, each by its kind.
+/// Both hands are followed, whatever the order of the rows, and what is bad among them is counted, each by
+/// its kind.
 #[test]
 fn joints_of_sources_with_other_rates_are_followed() {
     let (made, out) = (beginning("rates", FRAMES), folder("rates-out"));
@@ -131,7 +132,8 @@ fn joints_of_sources_with_other_rates_are_followed() {
     }
 }
 
-/// Frames by their names or their places; those that do not occur are counted, and a joint that nobody shows is told.
+/// Frames by their names or their places; those that do not occur are counted, and a joint that nobody shows
+/// is told.
 #[test]
 fn rows_may_name_frames() {
     let (made, out) = (beginning("named", 6), folder("named-out"));

@@ -26,8 +26,9 @@ fn source<'a>(found: &'a Value, name: &str) -> &'a Value {
     found["learnt"]["sources"].as_array().unwrap().iter().find(|source| source["source"] == name).unwrap()
 }
 
-/// A device that is off by so much is learnt to be off by so much more than one that is not; what was learnt is written
-/// as a configuration that gives the same points, and these are better than without. In-sample scores are said to be.
+/// A device that is off by so much is learnt to be off by so much more than one that is not; what was learnt
+/// is written as a configuration that gives the same points, and these are better than without. In-sample
+/// scores are said to be.
 #[test]
 fn sources_are_learnt_from_several_operators() {
     let (made, out) = (beginning("learn", 60), folder("learn-out"));
@@ -114,11 +115,11 @@ fn what_cannot_be_learnt_is_said() {
 fn a_configuration_switches_cues_off() {
     let (made, out) = (beginning("without", 8), folder("without-out"));
     let config = made.join("without.toml");
-    fs::write(&config, "without = [\"color\"]\n").unwrap();
+    fs::write(&config, "without = [\"depth\"]\n").unwrap();
     let run =
         |name: &str, more: &[&str]| document(&fuse(&made, &out.join(name), more))["estimates_digest"].clone();
     let by_file = run("file", &["--config", text(&config)]);
-    assert_eq!(by_file, run("line", &["--without", "color"]));
+    assert_eq!(by_file, run("line", &["--without", "depth"]));
     assert_ne!(by_file, run("all", &[]));
     fs::write(&config, "without = [\"colour\"]\n").unwrap();
     let run = fuse(&made, &out.join("wrong"), &["--config", text(&config)]);

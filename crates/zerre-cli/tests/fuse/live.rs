@@ -67,8 +67,8 @@ fn follow(out: &Path, particles: &str, rate: u32, seconds: u32) -> Output {
     output
 }
 
-/// Who is too slow for a camera drops frames: what is followed is never late by much more than the work of one frame,
-/// and the frames that were dropped are counted.
+/// Who is too slow for a camera drops frames: what is followed is never late by much more than the work of
+/// one frame, and the frames that were dropped are counted.
 #[test]
 fn frames_are_dropped_rather_than_late() {
     if !has_ffmpeg() {

@@ -78,8 +78,8 @@ fn fuse(recording: &Path, out: &Path, more: &[&str]) -> Output {
     zerre(&args)
 }
 
-/// The hand is followed through the whole of it, far better than by its device (whose readings are the joints of the
-/// table), the same seed gives the same bits, another one others; and the thesis's filter is worse.
+/// The hand is followed through the whole of it, far better than by its device (whose readings are the joints
+/// of the table), the same seed gives the same bits, another one others; and the thesis's filter is worse.
 #[test]
 fn a_hand_is_followed() {
     let (made, out) = (drawn(), folder("followed"));

@@ -180,8 +180,8 @@ impl Follow {
         Ok(())
     }
 
-    /// A frame, with what was heard of each point, by its name. `show` gets the pictures of the thesis's steps of the
-    /// first point.
+    /// A frame, with what was heard of each point, by its name. `show` gets the pictures of the thesis's
+    /// steps of the first point.
     ///
     /// # Errors
     /// What a tracker refuses: the frame is left out for all points then.

@@ -43,7 +43,8 @@ impl Score {
     }
 }
 
-/// The rows as CSV: pixels, square pixels, millimetres in the colour camera's frame; empty where nothing is known.
+/// The rows as CSV: pixels, square pixels, millimetres in the colour camera's frame; empty where nothing is
+/// known.
 pub fn points_csv(follow: &Follow) -> String {
     let mut text = "frame,name,time_s,joint,x,y,var_x,var_y,cov_xy,x_mm,y_mm,z_mm,p_lost".to_owned();
     for source in follow.sources() {
@@ -159,7 +160,8 @@ fn against(score: &Score) -> Option<Section> {
     let rmse = Shown::from(score.rmse()?).text;
     let points: Vec<[f64; 2]> = score.errors.iter().map(|(frame, error)| [*frame as f64, *error]).collect();
     let ends = [points.first(), points.last()].into_iter().flatten().map(|point| point[0]);
-    // The squared distance between truth and reference has twice the square of the standard error as its mean.
+    // The squared distance between truth and reference has twice the square of the standard error as its
+    // mean.
     let floor = score.floor.map(|floor| {
         let name = "what the reference itself is off".to_owned();
         let points = ends.map(|frame| [frame, std::f64::consts::SQRT_2 * floor]).collect();

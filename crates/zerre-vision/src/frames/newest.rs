@@ -3,8 +3,8 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Items of an iterator that is gone through on a thread of its own, of which only the newest one waits; those
-/// that nobody has taken before the next one came are dropped and counted.
+/// Items of an iterator that is gone through on a thread of its own, of which only the newest one waits;
+/// those that nobody has taken before the next one came are dropped and counted.
 #[derive(Debug)]
 pub struct Newest<T> {
     shared: Arc<Shared<T>>,
@@ -113,8 +113,8 @@ mod tests {
 
     const LONG: Duration = Duration::from_secs(20);
 
-    /// Who is slow gets the newest one, and what was dropped in between is counted: nothing depends on the clock,
-    /// for the maker tells when it has made an item and waits to be told to go on.
+    /// Who is slow gets the newest one, and what was dropped in between is counted: nothing depends on the
+    /// clock, for the maker tells when it has made an item and waits to be told to go on.
     #[test]
     fn who_is_slow_gets_the_newest() {
         let (go, told) = mpsc::channel::<()>();

@@ -53,10 +53,14 @@ struct Pixel {
 struct Running {
     settings: RunningSettings,
     pixels: Vec<Pixel>,
+    /// Frames so far.
+    frames: usize,
 }
 
 /// Levels by which a colour differs that may still be the same thing.
 const SAME_COLOUR: f32 = 18.0;
+/// Rows are learnt in turn, every so many-th in a frame: neither people nor the light are faster than that.
+const TURN: usize = 2;
 /// Parts of a level, of a squared one, of a millimetre.
 const PARTS: i64 = 256;
 /// Variance of a channel, at least and at most, in parts.
@@ -120,7 +124,7 @@ impl Background {
             seen: 0,
         };
         let pixels = colour.pixels().iter().zip(depth.pixels()).map(pixel).collect();
-        Ok(Background { colour, depth, running: Some(Running { settings, pixels }) })
+        Ok(Background { colour, depth, running: Some(Running { settings, pixels, frames: 0 }) })
     }
 
     /// Colours of the room.
@@ -146,26 +150,38 @@ impl Background {
         if let Some(mask) = foreground {
             self.colour.expect_size(mask)?;
         }
-        let Some(Running { settings, pixels }) = &mut self.running else { return Ok(()) };
+        let Some(Running { settings, pixels, frames }) = &mut self.running else { return Ok(()) };
         let gain = light(&frame.colour, &self.colour);
-        let rate = (WHOLE as f64 / settings.memory).round() as i64;
-        let room = self.colour.pixels_mut().iter_mut().zip(self.depth.pixels_mut());
-        let now = frame.colour.pixels().iter().zip(frame.depth.pixels());
-        for (i, ((pixel, (colour, deep)), (&seen, &depth))) in
-            pixels.iter_mut().zip(room).zip(now).enumerate()
-        {
-            let masked = foreground.is_some_and(|mask| mask.pixels()[i] != 0);
-            let measured = if depth == NO_DEPTH { 0 } else { ALL };
-            pixel.valid = towards(i64::from(pixel.valid), measured, rate) as u16;
-            if !masked && pixel.is_room(seen, depth, gain) {
-                pixel.average(seen, depth, rate);
-                pixel.seen = pixel.seen.saturating_sub(1);
-            } else if !pixel.becomes_room(seen, depth, settings) {
-                continue;
+        // At 1 the last frame is the room.
+        let rate = (TURN as f64 * WHOLE as f64 / settings.memory).round() as i64;
+        let rate = rate.min(WHOLE);
+        // At least so many frames, and at most.
+        let turns = [settings.patience / TURN as u16 + 1, settings.revealed.div_ceil(TURN as u16)];
+        *frames += 1;
+        let width = self.colour.width();
+        let room = self.colour.pixels_mut().chunks_mut(width).zip(self.depth.pixels_mut().chunks_mut(width));
+        for (y, (pixels, (colours, depths))) in pixels.chunks_mut(width).zip(room).enumerate() {
+            let turn = (y + *frames).is_multiple_of(TURN);
+            let now = frame.colour.row(y).iter().zip(frame.depth.row(y));
+            let room = pixels.iter_mut().zip(colours.iter_mut().zip(depths));
+            for (x, ((pixel, (colour, deep)), (&seen, &depth))) in room.zip(now).enumerate() {
+                // What was never measured is taken at once.
+                if !turn && (pixel.depth > 0 || depth == NO_DEPTH) {
+                    continue;
+                }
+                let masked = foreground.is_some_and(|mask| mask.row(y)[x] != 0);
+                let measured = if depth == NO_DEPTH { 0 } else { ALL };
+                pixel.valid = towards(i64::from(pixel.valid), measured, rate) as u16;
+                if !masked && pixel.is_room(seen, depth, gain) {
+                    pixel.average(seen, depth, rate);
+                    pixel.seen = pixel.seen.saturating_sub(1);
+                } else if !pixel.becomes_room(seen, depth, turns) {
+                    continue;
+                }
+                // The largest level and depth are whole ones: rounding cannot go beyond them.
+                *colour = pixel.colour.map(|v| ((i64::from(v) + PARTS / 2) / PARTS) as u8);
+                *deep = ((i64::from(pixel.depth) + PARTS / 2) / PARTS) as u16;
             }
-            // The largest level and depth are whole ones: rounding cannot go beyond them.
-            *colour = pixel.colour.map(|v| ((i64::from(v) + PARTS / 2) / PARTS) as u8);
-            *deep = ((i64::from(pixel.depth) + PARTS / 2) / PARTS) as u16;
         }
         Ok(())
     }
@@ -209,8 +225,9 @@ impl Pixel {
         }
     }
 
-    /// Counts what is not the room; whether it has now become it.
-    fn becomes_room(&mut self, seen: [u8; 3], depth: u16, settings: &RunningSettings) -> bool {
+    /// Counts what is not the room; whether it has now become it, seen so often as what may come and go or as
+    /// what was behind something.
+    fn becomes_room(&mut self, seen: [u8; 3], depth: u16, [patience, revealed]: [u16; 2]) -> bool {
         let near = if depth != NO_DEPTH && self.other_depth != NO_DEPTH {
             is_same_depth(f32::from(depth), f32::from(self.other_depth))
         } else {
@@ -228,7 +245,7 @@ impl Pixel {
         self.seen = self.seen.saturating_add(1);
         let (far, room) = (f32::from(self.other_depth), self.depth_mm());
         let farther = self.depth > 0 && far > room && !is_same_depth(far, room);
-        if self.seen < if farther { settings.revealed } else { settings.patience } {
+        if self.seen < if farther { revealed } else { patience } {
             return false;
         }
         self.colour = seen.map(in_parts);

@@ -126,7 +126,8 @@ mod tests {
         Ears::new(rows, &[settings.sources[0].clone(), other])
     }
 
-    /// Out of order, too early, too late, twice, of two joints and sources: each is where it belongs, and counted.
+    /// Out of order, too early, too late, twice, of two joints and sources: each is where it belongs, and
+    /// counted.
     #[test]
     fn rows_are_heard_in_their_frames() {
         let at = |ms: i64| When::Time(Time::from_nanos(ms * 1_000_000));

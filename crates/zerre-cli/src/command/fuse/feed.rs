@@ -86,7 +86,7 @@ impl Feed {
 
     /// The first frame that can be read, which stays the next one.
     pub(super) fn peek(&mut self) -> Option<&RgbdFrame> {
-        while !self.peeked.as_ref().is_some_and(|given| given.frame.is_ok()) {
+        while self.peeked.as_ref().is_none_or(|given| given.frame.is_err()) {
             self.peeked = None;
             self.peeked = Some(self.next()?);
         }

@@ -96,8 +96,8 @@ impl Told {
     }
 }
 
-/// Marks of the joints: a place a frame, or answers of several operators, whose geometric median is taken; where
-/// most of them cannot see the point there is none. Rows that name no point are of the first joint.
+/// Marks of the joints: a place a frame, or answers of several operators, whose geometric median is taken;
+/// where most of them cannot see the point there is none. Rows that name no point are of the first joint.
 pub(super) fn marks(path: &Path, joints: &[String]) -> Result<Marks, Diagnostic> {
     let table = Table::open(path)?;
     table.needs(&["frame", "x", "y"])?;
@@ -185,8 +185,8 @@ mod tests {
         marks
     }
 
-    /// A wild mark of one of three moves the reference to no place but one of the others'; who does not see the
-    /// point is outvoted, or outvotes.
+    /// A wild mark of one of three moves the reference to no place but one of the others'; who does not see
+    /// the point is outvoted, or outvotes.
     #[test]
     fn several_operators_have_one_reference() {
         let text = "frame,operator,point,x,y,visible\n\

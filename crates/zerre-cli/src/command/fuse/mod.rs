@@ -218,7 +218,8 @@ fn begin(
     Ok(())
 }
 
-/// Where somebody sees a joint on a frame of this size, to begin with: what the source is known to be off is taken off.
+/// Where somebody sees a joint on a frame of this size, to begin with: what the source is known to be off is
+/// taken off.
 fn first(heard: &Heard, joint: &str, (width, height): (usize, usize), sources: &[Source]) -> Option<Reading> {
     let inside = |reading: &Reading| {
         let [x, y] = reading.at;

@@ -158,8 +158,9 @@ const ROOM: [&[&str]; 2] = [&["background_rgb.png", "background_rgb.jpg"], &["ba
 impl Recording {
     /// Opens a folder: with folders `rgb` and `depth` whose pictures have the same numbers (and `times.csv`,
     /// if there is one), or as the TUM benchmark has it (`rgb.txt`, `depth.txt`, `associations.txt`); or,
-    /// with the feature `mcap`, a file of pictures as Foxglove or ROS 2 have them. What else the program `ffmpeg`
-    /// reads (a video file, a camera such as `/dev/video0`, the address of a stream) has colours alone.
+    /// with the feature `mcap`, a file of pictures as Foxglove or ROS 2 have them. What else the program
+    /// `ffmpeg` reads (a video file, a camera such as `/dev/video0`, the address of a stream) has colours
+    /// alone.
     ///
     /// # Errors
     /// Nothing under this name, another layout, a camera file that is none, pictures of different sizes

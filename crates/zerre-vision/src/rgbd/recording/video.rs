@@ -19,8 +19,8 @@ pub(super) struct Video {
 }
 
 impl Video {
-    /// Frames of a file are so many per second as its header says, else `rate_hz`; those of a camera or a stream
-    /// are of the time at which they come.
+    /// Frames of a file are so many per second as its header says, else `rate_hz`; those of a camera or a
+    /// stream are of the time at which they come.
     pub(super) fn open(path: &Path, rate_hz: f64) -> Result<Video> {
         let Some(input) = path.to_str() else {
             let problem = "the name is not UTF-8, which ffmpeg needs".to_owned();
