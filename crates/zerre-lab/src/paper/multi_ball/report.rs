@@ -7,6 +7,7 @@ use super::settings::{
 use super::tables::{Results, Row, title};
 use super::{FILTERS, METHODS, MOTIONS, Part};
 use crate::report::study::{Figure, Grid, Picture, Section, Series, Shown, StudyReport};
+use crate::study::interval::Estimate;
 use zerre_vision::balls::thesis::{RATIOS, READINGS};
 
 impl Results<'_> {
@@ -204,7 +205,7 @@ impl Results<'_> {
             let mut lines: Vec<Vec<Shown>> = Vec::new();
             for particles in self.experiment.particles() {
                 let mut line: Vec<Shown> = vec![particles.to_string().as_str().into()];
-                line.extend(FILTERS.map(|(name, ..)| of(name, *particles, "kalman_ratio").into()));
+                line.extend(FILTERS.map(|(name, ..)| ratio(of(name, *particles, "kalman_ratio"))));
                 lines.push(line);
             }
             let mut head = vec!["particles".to_owned()];
@@ -270,10 +271,16 @@ impl Results<'_> {
     }
 }
 
+/// Ratios near 1 differ in their thousandths.
+fn ratio(estimate: Option<Estimate>) -> Shown {
+    let Some(Estimate { value, low, high }) = estimate else { return None::<f64>.into() };
+    Shown { aside: format!("{low:.3} to {high:.3}"), ..format!("{value:.3}").as_str().into() }
+}
+
 fn blind_or_adapted() -> String {
     "Blind filters are the thesis': particles move by the motion alone and are resampled where fewer than half of them \
      are effective. With constant velocity a measurement of places says little of velocities, and blind particles pay \
-     for it under every scheme of resampling. `Adapted` is what zerre balls follows with: particles are resampled by how \
+     for it under every scheme of resampling. The adapted filter is what zerre balls follows with: particles are resampled by how \
      well they foretell the measurement, then moved with it in view, both exact in this model (Pitt and Shephard 1999)."
         .to_owned()
 }
