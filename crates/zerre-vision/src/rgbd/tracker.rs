@@ -187,7 +187,10 @@ impl PointTracker {
         }
         let blind = settings.depth.is_none().then(|| Depth::filled(size.0, size.1, NO_DEPTH));
         let room = Room::new(room.0, blind.clone().unwrap_or(room.1))?;
-        let first = Reading { depth_mm: first.depth_mm.filter(|_| settings.depth.is_some()), ..first };
+        // Where no source could say it better later, the first place has to be believed.
+        let confidence = if settings.sources.is_empty() { 1.0 } else { first.confidence };
+        let depth_mm = first.depth_mm.filter(|_| settings.depth.is_some());
+        let first = Reading { depth_mm, confidence, ..first };
         let sources = settings.all_sources().cloned().collect();
         let fusion =
             Fusion::start(settings.fusion.clone(), sources, (size, first, FIRST_SD), (frame.time, stream))?;
